@@ -127,6 +127,8 @@ def explorer(
             start if yours() == find_robot(start) else YOURS,
             chosen if isinstance(chosen, str) else twin_name(chosen),
         ]
+        if names[0] == names[1]:
+            names[1] = "the same robot"
         drive = [
             knobs[name].value for name in ("roughness", "terrain_seed", "throttle")
         ]

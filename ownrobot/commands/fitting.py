@@ -100,7 +100,8 @@ def add_predict(add: AddCommand) -> None:
     )
     predict.add_argument("--horizon", metavar="TIME", type=seconds, help=text)
     text = (
-        "start an open-loop prediction at every Nth step (at each drive's start alone)"
+        "start an open-loop prediction at every Nth step, after the model has seen the "
+        "steps before (at each drive's start alone, where there are none)"
     )
     predict.add_argument("--every", metavar="N", type=whole_number, help=text)
     text = "where to write (standard output)"

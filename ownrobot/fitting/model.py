@@ -246,6 +246,8 @@ class Model:
     ) -> np.ndarray:
         """Predict many steps ahead, each from the prediction before it (Figure 4).
 
+        A network begins without memory here; `predict` lets it see the steps before.
+
         Args:
             state: (S,), state of the robot at the start.
             actions: (K, A), the robot's actions.

@@ -7,6 +7,7 @@ variance s^2 into variance 70 s^2.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -19,7 +20,9 @@ from sidm.learning.units import Standardisation, loss_weights
 from sidm.rotations import turn
 
 ORDER = 4  # of the differences
-VARIANCE_FACTOR = 70.0  # variance of these differences of white noise of variance 1
+#: variance of these differences of white noise of variance 1: the squares of the
+#: binomial coefficients, whose sum is the middle one of twice the order
+VARIANCE_FACTOR = math.comb(2 * ORDER, ORDER)
 DRAWS, SEED = 20, 0  # draws of the noise for each window, and their seed
 
 

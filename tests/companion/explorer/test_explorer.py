@@ -100,6 +100,9 @@ def test_buttons_choose_pairs_and_words_compare_them(live):
     assert "What differs most is the gearing" in words.value
     parts["only the springs"].click()
     assert "667 times the spring, the same damping, the same travel" in words.value
+    parts["your robot starts as"].value = "system2 novice"
+    parts["compared with"].value = "system2 novice"
+    assert "the same robot: the same spring" in words.value
 
 
 @pytest.mark.parametrize(

@@ -102,14 +102,17 @@ def every():
 def verdict_of(make_row):
     """Function for the verdict if data of a method count `power` times, and its table.
 
-    The seed makes a little difference.
+    The seed makes a little difference; the method's losses are `uneven`, too.
     """
 
-    def verdict_of(trials, **power):
+    def verdict_of(trials, uneven=0.0, **power):
         rows = []
         for t in trials:
             data = power.get(t.method, 1.0) * t.novice_minutes
-            rows.append(make_row(t, (1 + 0.01 * (t.seed % 100)) * data**-0.5))
+            loss = (1 + 0.01 * (t.seed % 100)) * data**-0.5
+            if t.method == claim.METHOD:
+                loss *= 1 + uneven * (-1) ** t.seed
+            rows.append(make_row(t, loss))
         table = claim.table(frame_of(rows))
         return claim.verdict(table), table
 
@@ -139,6 +142,8 @@ def test_the_claim_holds_where_the_best_rival_with_twice_the_data_is_worse(
     assert rows.ratio.tolist() == pytest.approx([(2.8 / 3) ** 0.5] * len(rows))
     verdict, rows = verdict_of(every, corrected_averaged=2.7, pretrain_finetune=1.4)
     assert verdict is False and not rows.holds.any()
+    verdict, rows = verdict_of(every, 0.5, corrected_averaged=6.0)
+    assert verdict is False and (rows.ratio < 1).all() and (rows.high > 1).all()
 
 
 def test_before_all_pairs_are_run_the_claim_can_only_fail(every, verdict_of):
