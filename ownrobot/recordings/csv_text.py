@@ -60,7 +60,7 @@ class TextTable(NamedTuple):
         if self.decimal_commas:
             self._refuse_thousands(name, cells)
             cells = [cell.replace(",", ".") for cell in cells]
-        values = np.array([as_float(cell) for cell in cells])
+        values = as_floats(cells)
         bad = np.flatnonzero(~(np.abs(values) <= LARGEST)).tolist()
         if lenient:
             values[bad] = np.nan
@@ -261,6 +261,14 @@ def _separator_hint(cells: Sequence[str], count: int) -> str:
     if len(cells) == 2 * count:
         return "; has it decimal commas? Use points, or semicolons between cells"
     return "; write a cell for each name"
+
+
+def as_floats(texts: Sequence[str]) -> np.ndarray:
+    """The numbers (R,) in texts; NaN where a text is no number."""
+    try:
+        return np.array([*map(float, texts)])
+    except ValueError:
+        return np.array([*map(as_float, texts)])
 
 
 def as_float(text: str) -> float:

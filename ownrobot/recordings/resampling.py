@@ -170,13 +170,23 @@ def resampled(rows: Rows, body: Body) -> tuple[np.ndarray, np.ndarray]:
         at_rate[:, 3:7] /= np.linalg.norm(at_rate[:, 3:7], axis=1, keepdims=True)
     # the row whose action holds at each time of the grid
     held = np.searchsorted(time, grid + JITTER * spacing, side="right") - 1
+    return at_rate, _means(actions, held, body)
+
+
+def _means(actions: np.ndarray, held: np.ndarray, body: Body) -> np.ndarray:
+    """Means (K, A) of actions (R, A) from each of the rows `held` (K + 1,) to the next.
+
+    A row that is held twice is a step's action alone.
+    """
     angles = [i for i, (_, unit) in enumerate(body.actions) if unit in UNITS["angle"]]
-    means = []
-    for start, end in zip(held[:-1], held[1:], strict=True):
-        part = actions[start : max(end, start + 1)].copy()
-        part[:, angles] = np.unwrap(part[:, angles], axis=0)
-        means.append(part.mean(0))
-    return at_rate, np.reshape(means, (len(grid) - 1, actions.shape[1]))
+    counts = np.maximum(np.diff(held), 1)
+    means = np.empty((len(counts), actions.shape[1]))
+    for count in np.unique(counts):  # steps of as many rows are taken together
+        steps = np.flatnonzero(counts == count)
+        parts = actions[held[steps, None] + np.arange(count)]  # (steps, count, A)
+        parts[..., angles] = np.unwrap(parts[..., angles], axis=1)
+        means[steps] = parts.mean(1)
+    return means
 
 
 def _signs(quaternions: np.ndarray) -> np.ndarray:
