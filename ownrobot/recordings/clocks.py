@@ -3,7 +3,8 @@
 A message has the time when it was received, and often a stamp in its header, when it
 was measured. Stamps count: a message may come late, and a simulation may run faster or
 slower than real time. Messages without stamps, as `geometry_msgs/Twist`, are brought to
-the clock of the stamps.
+the clock of the stamps, as are topics whose stamps do not grow or are of another clock
+than those of the pose.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import numpy as np
 SAME_CLOCK = 5.0
 #: ... and their spans by less than this share.
 SAME_SPAN = 0.05
+#: Stamps that span less than this share of the times of receipt do not grow.
+STANDING = 0.01
 #: A lag between stamps and receipt that is named, median, s.
 NAMED_LAG = 0.1
 
@@ -46,14 +49,15 @@ def on_one_clock(topics: Sequence[Messages]) -> tuple[list[np.ndarray], list[str
     Returns:
         Times (N,), s, of each topic, NaN where a message has none; lines of text.
     """
+    topics, notes = _with_stamps_of_one_clock(topics)
     stamped = [one for one in topics if one.stamps is not None]
     if not stamped:
-        return [_known(one.received) for one in topics], []
-    notes = list(filter(None, map(_lag, stamped)))
-    others = [one for one in topics if one.stamps is None]
-    reference = max(stamped, key=lambda one: len(one.received))
-    if others and not _same_clock(reference):
-        names = ", ".join(sorted({one.topic for one in others}))
+        return [_known(one.received) for one in topics], notes
+    reference, told = stamped[0], " ".join(notes)
+    notes += filter(None, map(_lag, stamped))
+    others = [one.topic for one in topics if one.stamps is None]
+    names = ", ".join(sorted({name for name in others if f"{name}: " not in told}))
+    if names and not _same_clock(reference):
         notes.append(
             f"{names}: without stamps, brought to the clock of those of "
             f"{reference.topic} by the times of receipt"
@@ -65,6 +69,30 @@ def on_one_clock(topics: Sequence[Messages]) -> tuple[list[np.ndarray], list[str
         for one in topics
     ]
     return times, notes
+
+
+def _with_stamps_of_one_clock(
+    topics: Sequence[Messages],
+) -> tuple[list[Messages], list[str]]:
+    """The topics, with those stamps that can be used, and a line about each other's."""
+    usable, notes, reference = [], [], None
+    for one in topics:
+        fault = ""
+        if one.stamps is not None:
+            stamps, received, _ = _spans(one)
+            if stamps < STANDING * received:
+                fault = "do not grow"
+            elif reference is None:
+                reference = one
+            else:
+                expected = _to_stamps(_known(one.received), reference)
+                apart = float(np.nanmedian(one.stamps - expected))
+                if abs(apart) > SAME_CLOCK:
+                    fault = f"are {abs(apart):.3g} s from those of {reference.topic}"
+        if fault:
+            notes.append(f"{one.topic}: its stamps {fault}; the times of receipt count")
+        usable.append(one._replace(stamps=None) if fault else one)
+    return usable, notes
 
 
 def _known(received: np.ndarray) -> np.ndarray:

@@ -54,6 +54,33 @@ def test_a_simulations_clock_of_few_ticks_is_filled_by_the_stamps():
     assert held[2:] == pytest.approx(TIME[2:] + 100, abs=0.06)
 
 
+@pytest.mark.parametrize(
+    ("stamps_of", "words"),
+    [
+        (lambda t: 0 * t + 1e9, "/imu: its stamps do not grow; the times of receipt"),
+        (
+            lambda t: t + 50,
+            "/imu: its stamps are 1e+09 s from those of /odom; the times",
+        ),
+    ],
+    ids=["never set", "since the sensor was switched on"],
+)
+def test_stamps_that_cannot_be_right_do_not_count(stamps_of, words):
+    now, late = 1e9 + TIME, TIME[200:]
+    pose, imu = topic("/odom", now, now), topic("/imu", 1e9 + late, stamps_of(late))
+    (times, found), notes = on_one_clock([pose, imu])
+    assert np.array_equal(times, now) and found == pytest.approx(1e9 + late)
+    assert [words in note for note in notes] == [True]
+
+
+def test_a_slow_simulations_late_topic_is_of_its_clock():
+    now = 1e9 + TIME / 0.3  # s of receipt; the second topic begins after a third
+    topics = [topic(n, now[k:], TIME[k:]) for n, k in (("/odom", 0), ("/imu", 200))]
+    times, notes = on_one_clock(topics)
+    assert np.array_equal(times[1], TIME[200:])
+    assert all("the stamps count" in note for note in notes) and len(notes) == 2
+
+
 def test_without_stamps_the_times_of_receipt_count():
     assert on_one_clock([topic("/odom", TIME + 1)])[1] == []
 
