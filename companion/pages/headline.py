@@ -61,16 +61,13 @@ def headline_numbers(stored: Stored) -> list[str]:
     Returns:
         The numbers, each for one system after the other: ratio and ends of its interval
         for an SIDM with 5 min, trained as the authors' code trains; the same with each
-        method at its best; the same as Figure 3 trains it; the same for fine-tuning
-        with 5 min.
+        method at its best; the same for fine-tuning with 5 min.
     """
     frame, _, decisive = stored
     long = long_trained(decisive)[["value", "low", "high"]]
-    judged = [claims.data_saving_claim(frame, system) for system in PAPER_SYSTEMS]
-    sidm = pd.concat(judged)[["value", "low", "high"]]
     finetuned = savings(frame, [FIGURE3[-1]])
     finetuned = finetuned[finetuned.novice_minutes == claims.CLAIMED_AT]
-    tables = long, sidm, finetuned[["ratio", "low", "high"]]
+    tables = long, finetuned[["ratio", "low", "high"]]
     values = [value for table in tables for value in table.to_numpy().ravel()]
     return [significant(value, 2) for value in values]
 
@@ -107,7 +104,6 @@ def headlines(stored: Stored) -> list[Headline]:
     frame, _, decisive = stored
     ratio = "times the novice data that training alone needs, against"
     ends = ("", ", lower end of the 95 % interval", ", upper end of it")
-    sidm = frame[frame.method.isin(COMPARED)]
     finetuned = frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))]
     long = long_trained(decisive)
     groups = [
@@ -115,10 +111,7 @@ def headlines(stored: Stored) -> list[Headline]:
         for verdict, how in TRAINED.items()
         if len(systems := long[long.verdict == verdict].system)
     ]
-    groups += [
-        ("an SIDM with 5 min", ends, sidm, "3", PAPER_SYSTEMS),
-        ("fine-tuning with 5 min", ends, finetuned, "3", PAPER_SYSTEMS),
-    ]
+    groups.append(("fine-tuning with 5 min", ends, finetuned, "3", PAPER_SYSTEMS))
     origins = []
     for method, group_ends, trials, figure, systems in groups:
         command = f"companion run --preset {PRESET} --figure {figure}"

@@ -193,7 +193,7 @@ def test_modules_fill_the_sidebar_of_the_reference_alone(book):
             for _, a in read(book / f"{name}.html").links
         )
 
-    assert listed("book/references") == 0
+    assert listed("book/glossary") == 0
     assert listed("book/api/sidm.systems") >= len(modules())
 
 
