@@ -1,5 +1,6 @@
 """Read rendered pages without a browser."""
 
+import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -38,6 +39,19 @@ def contents() -> list[str]:
         toc["root"],
         *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"]),
     ]
+
+
+def source(name: str) -> str:
+    """Prose of a page of the table of contents."""
+    path = ROOT / f"{name}.md"
+    if path.is_file():
+        return path.read_text(encoding="utf-8")
+    cells = json.loads((ROOT / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
+    return "\n\n".join(
+        "".join(cell["source"])
+        for cell in cells
+        if cell["cell_type"] == "markdown" or cell["source"][:1] == ["%%text\n"]
+    )
 
 
 def watched(page: Any) -> list[str]:

@@ -4,7 +4,7 @@ import re
 import shutil
 
 import pytest
-from pages import ROOT
+from pages import ROOT, source
 
 from ownrobot.fitting import settings
 
@@ -21,7 +21,7 @@ SMALLER = {
 @pytest.mark.more
 def test_the_python_runs(tmp_path, monkeypatch, capsys):
     """Blocks run in the page's order: later ones use names of earlier ones."""
-    text = (ROOT / "book" / "own-robot.md").read_text(encoding="utf-8")
+    text = source("notebooks/20-own-robot")
     code = "\n".join(BLOCK.findall(text))
     for words, smaller in SMALLER.items():
         code, count = re.subn(words, smaller, code)

@@ -6,16 +6,17 @@ import subprocess
 import sys
 
 import pytest
-from pages import ROOT
+from pages import ROOT, source
 
 pytestmark = pytest.mark.more
 
+PAGE = "notebooks/21-run-again"
 BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def sessions() -> list[tuple[str, str]]:
     """Command and output of every command of the page that shows its output."""
-    text = (ROOT / "book" / "rerun.md").read_text(encoding="utf-8")
+    text = source(PAGE)
     shown = []
     for block in BLOCK.findall(text):
         for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
@@ -45,7 +46,7 @@ def test_a_command_prints_what_the_page_says(project, command, output):
 
 
 def test_what_a_bundle_gains_on_a_gpu_is_what_was_measured():
-    page = " ".join((ROOT / "book" / "rerun.md").read_text(encoding="utf-8").split())
+    page = " ".join(source(PAGE).split())
     text = (ROOT / "benchmarks" / "bundle.txt").read_text(encoding="utf-8")
     measured = text.split("\n\n")[0]
     assert "H200" in measured.splitlines()[0]

@@ -1,7 +1,6 @@
 """Names in the book's sources exist, and repeated facts agree."""
 
 import argparse
-import json
 import pkgutil
 import re
 import shlex
@@ -10,7 +9,7 @@ from importlib.metadata import version
 
 import pytest
 import yaml
-from pages import ROOT, contents
+from pages import ROOT, contents, source
 
 import companion.__main__
 import ownrobot.__main__
@@ -27,19 +26,6 @@ PARSERS = {
     "companion": companion.__main__.build_parser,
 }
 PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#;]+)(?:; [^#]+?)?(?:\s+# (.+))?$")
-
-
-def source(name: str) -> str:
-    """Prose of a page of the table of contents."""
-    path = ROOT / f"{name}.md"
-    if path.is_file():
-        return path.read_text(encoding="utf-8")
-    cells = json.loads((ROOT / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
-    return "\n\n".join(
-        "".join(cell["source"])
-        for cell in cells
-        if cell["cell_type"] == "markdown" or cell["source"][:1] == ["%%text\n"]
-    )
 
 
 @pytest.mark.parametrize("name", contents())
