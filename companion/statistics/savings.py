@@ -10,7 +10,6 @@ import pandas as pd
 
 from companion.statistics.efficiency import (
     Efficiency,
-    efficiency,
     efficiency_at_sizes,
     isotonic_fit,
     log_of_value,
@@ -232,28 +231,3 @@ def minutes_text(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
     data, sign = minutes_needed(minutes, isotonic_fit(losses), loss)
     prefix = {"=": "", "<=": "at most ", ">": "more than "}[sign]
     return f"{prefix}{float(f'{data:.2g}'):g} min"
-
-
-def efficiency_band(
-    minutes: np.ndarray, pairs: np.ndarray, losses: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """95 % interval of the data-efficiency ratio at each loss.
-
-    Args:
-        minutes: (M,) sizes, rising.
-        pairs: (S, 2, M) losses, the method first, then the comparison.
-        losses: (L,) to be reached.
-
-    Returns:
-        Low ends (L,) and high ends (L,); NaN where there is no interval.
-    """
-
-    def log_ratio(drawn: np.ndarray, loss: float) -> float:
-        method, comparison = drawn.mean(0)
-        ratios = efficiency(minutes, method, comparison, np.array([loss]))
-        return log_of_value(ratios.ratio[0], str(ratios.bound[0]))
-
-    ends = np.exp(
-        [interval(functools.partial(log_ratio, loss=loss), pairs) for loss in losses]
-    )
-    return ends[:, 1], ends[:, 2]

@@ -56,8 +56,8 @@ def figure(
 ) -> Figure:
     """Figure 4 under recipe R: a row per system.
 
-    Left: distance of the predicted from the actual position over time, the mean over
-    seeds with its standard error. Right: a drive from above.
+    One plot has the distance of the predicted from the actual position over time, the
+    mean over seeds with its standard error; the other a drive from above.
 
     Args:
         rows: rows of `table`.
@@ -70,7 +70,8 @@ def figure(
         shown = rows[rows.system == system]
         left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
         left.set_title(f"{system_label(system)}: all test drives")
-        right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
+        right.set(xlabel="x (m)", ylabel="y (m)")
+        right.set_title(f"{system_label(system)}: one of them from above")
         if len(shown):
             _draw_deviations(left, shown)
             number = median_drive(shown) if drive is None else drive
