@@ -15,12 +15,12 @@ PACKAGES = ("sidm", "ownrobot", "companion")  # each uses those before it
 
 
 def rooms() -> list[list[str]]:
-    """Rooms in the table of the book's page on the design, row by row."""
-    lines = (ROOT / "book" / "design.md").read_text(encoding="utf-8").splitlines()
+    """Rooms in the table of the book's page on extending, row by row."""
+    lines = (ROOT / "book" / "extending.md").read_text(encoding="utf-8").splitlines()
     names = [
         re.findall(r"`((?:sidm|ownrobot|companion)\.[\w.]+)`", line.split("|")[1])
         for line in lines
-        if line[:3] == "| `"
+        if line.startswith(("| `", "| {py:mod}`"))
     ]
     return [row for row in names if row]
 
