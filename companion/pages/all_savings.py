@@ -34,7 +34,7 @@ SETTINGS = {
     ("T", "T", tuple(RULES)): "each at its best",
     ("R", "T", (verdicts.END,)): MIXED,
 }
-OWN = "this book's"  # stopping rule
+OWN = "patience"  # stopping rule
 COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
 

@@ -21,7 +21,7 @@ SAVINGS: dict[str, tuple] = {
     "one-saving-2": ("R", "system2", RELEASED, 1.0),
     "tuned-saving": ("T", "system1", END, AT),
     "tuned-released": ("T", "system1", RELEASED, AT),
-    "tuned-early": ("T", "system1", "this book's", AT),
+    "tuned-early": ("T", "system1", "patience", AT),
     "tuned-one": ("T", "system1", END, 1.0),
     "mixed-saving": ("R", "system1", END, AT, "T"),
 }

@@ -69,7 +69,7 @@ class Page:
         """A text in which each `{name}` is the number of that name.
 
         It is one that this page glued, a variable of the notebook, or, as
-        `{05-how-long::tuned-saving}`, one that another page's stored run glued.
+        `{04-figure3::tuned-saving}`, one that another page's stored run glued.
 
         Raises:
             NameError: there is no such number.

@@ -329,37 +329,3 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
     marked = {"seeds": table.seeds.astype(str) + few}
     marked["verdict"] = table.verdict + corrected
     return table.assign(**marked)[list(names)].rename(columns=names)
-
-
-def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
-    """The main readings: long trainings with 5 minutes, and pretraining.
-
-    Of pretraining, they are its widest and its narrowest reading. What is unclear in
-    the paper is left out. Words are shorter than those of `page_table`.
-
-    A row per reading, a column of verdicts per pair of robots. A statement stands in
-    the first of its rows.
-    """
-    main = [
-        row
-        for row in rows
-        if (row.section == "5" or row.statement == PRETRAINED)
-        and not row.reading.startswith(KEPT)
-        and not (row.reading.endswith(ELSEWHERE) and row.reading != BEST_WITH_LEAST)
-        and not row.reading.startswith(EARLY)
-        and row.verdict != claims.UNCLEAR
-    ]
-    table = pd.DataFrame(main, columns=list(Reading._fields))
-    table["reading"] = table.reading.str.removesuffix(f", {LITTLE:g} min")
-    table["verdict"] = table.verdict.replace(claims.DIRECTION, "Same direction")
-    points = table.groupby(["statement", "reading"], sort=False)
-    lines = [
-        {"The paper says": statement, READ: reading}
-        | {system: "-" for system in map(system_label, PAPER_SYSTEMS)}
-        | dict(zip(point.system, point.verdict, strict=True))
-        for (statement, reading), point in points
-    ]
-    columns = ["The paper says", READ, *map(system_label, PAPER_SYSTEMS)]
-    table = pd.DataFrame(lines, columns=columns)
-    table.loc[table["The paper says"].duplicated(), "The paper says"] = ""
-    return table

@@ -16,14 +16,14 @@ from sidm.learning.stopping import (
 )
 
 #: Rules by name. The paper stops once the test loss 'started increasing indicating
-#: overfitting': the first rise is the strictest reading, which noise can end. The loss
+#: overfitting': first rise is the strictest reading, which noise can end. The loss
 #: is smoothed as in the released code. A
 #: rule that counts iterations of the released code counts 128 samples as one.
 RULES: dict[str, StoppingRule] = {
-    "the first rise": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
-    "this book's": StoppingRule(patience=150_000),
-    "the released code's": StoppingRule(stopping="released"),
-    "the end": StoppingRule(),
+    "first rise": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
+    "patience": StoppingRule(patience=150_000),
+    "released": StoppingRule(stopping="released"),
+    "end": StoppingRule(),
 }
 
 

@@ -99,9 +99,6 @@ def test_the_page_on_extending_works_to_the_letter(project, tmp_path):
     own = "-p systems [soft] -p preset smoke -p results _build/soft"
     for name in ("p-expert-and-phases", "components", "hypotheses"):
         commands.append(f"companion notebook {name} _build/{name}.ipynb {own}")
-    commands.append(
-        "companion notebook how-long _build/long.ipynb -p results _build/soft"
-    )
     environment = os.environ | {"PYTHONPATH": str(copy)}
     for command in commands:
         words = [sys.executable, "-m", *shlex.split(command)]

@@ -31,7 +31,7 @@ LENGTHS = (
     *(100_000 * digits for digits in DECADE if digits < 80),
     8_000_000,
 )
-MARKED = ("this book's", RELEASED, END)  # rules that have a point on the curves
+MARKED = ("patience", RELEASED, END)  # rules that have a point on the curves
 #: Columns of the table of `along_training`.
 COLUMNS = (
     "recipe",

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from companion.methods import COMPARED
+from companion.methods import COMPARED, METHODS
 from companion.presets import MOST_SEEDS
 from companion.studies.decisive.recipes import (
     R,
@@ -232,3 +232,15 @@ def draws_of(frame: pd.DataFrame) -> pd.DataFrame:
         score=trained.best_test_loss / trained.seed.map(references),
     )
     return table.sort_values(["method", "number"]).reset_index(drop=True)
+
+
+def page_table(frame: pd.DataFrame) -> pd.DataFrame:
+    """The draws of `draws_of` with the headings of a page."""
+    draws = draws_of(frame)
+    labels = draws.method.map(lambda name: METHODS[name].label)
+    names = {
+        "number": "draw",
+        "validation_loss": "validation loss",
+        "score": "test loss by that of least squares",
+    }
+    return draws.assign(method=labels)[["method", *names]].rename(columns=names)

@@ -130,6 +130,7 @@ def recipe_contents(group: pd.DataFrame, saved: pd.DataFrame) -> dict[str, Any]:
                 "kept": rule_contents(group, rule),
                 "samples": int(marked.samples.iloc[0]),
                 "saving": saving_contents(marked),
+                "bound": str(marked[marked.quantity == "data"].bound.iloc[0]),
             }
             for rule, marked in saved[saved.rule != ""].groupby("rule", sort=False)
         },

@@ -33,7 +33,7 @@ AT = 5.0  # min of novice data at which data ratios are judged
 SMALL = (1.0, 5.0)  # min at which losses are compared
 ALONE_SIZES = (1.0, 5.0, 20.0, 60.0, 120.0)  # min of training alone
 PAPER = {"system1": 20.0, "system2": 5.0}  # times less data
-RELEASED, END = "the released code's", "the end"  # stopping rules
+RELEASED, END = "released", "end"  # stopping rules
 
 #: Verdict on data ratios -> recipe, stopping rule, methods.
 RATIOS: dict[str, tuple[str, str, tuple[str, ...]]] = {
