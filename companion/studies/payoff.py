@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,18 +23,19 @@ from scipy.spatial import cKDTree
 
 from companion.engine.datasets import collect_dataset
 from companion.engine.records import read_or_empty
-from companion.figures.style import SIZE_STYLES, legend_below
-from companion.methods import CORES
+from companion.figures.dots import dot_plot
+from companion.figures.style import system_label
 from companion.numerics import versions
 from companion.statistics.savings import savings
+from companion.studies.other_bodies import by_novice
 from companion.studies.overlap import NEIGHBOURS
-from companion.studies.real_robots.measure import PAIRS, robot
+from companion.studies.real_robots import results as robot_results
+from companion.studies.real_robots.measure import HELD_OUT, PAIRS, robot
+from companion.studies.several_experts import results as family_results
 from companion.studies.several_experts.family import dataset, robots
-from companion.studies.several_experts.results import MEMBER as MEMBER_ALONE
 from companion.study import Study
 from companion.trials import EXPERT_SEED, POOL_SEED
 from sidm.drives import QUATERNION, Drive, yaw_of
-from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.shards import Collection
 from sidm.storage import write_record
@@ -49,13 +50,21 @@ MEMBER = 0  # the member of the family that is an expert
 QUERY_EVERY = 4  # every fourth trajectory of the novice is predicted
 NAME = "payoff.json"
 
-#: Title of each plot -> methods that it shows: those that train an SIDM, and those that
-#: go on from the expert's weights.
+#: Title of each plot -> the method that it shows.
 PANELS = {
-    "with an SIDM": ("sidm",),
-    "by pretraining and fine-tuning": ("pretrain_finetune", "core_finetune"),
+    "an SIDM": "sidm",
+    "fine-tuning": "pretrain_finetune",
+    "fine-tuning, core alone": "core_finetune",
 }
-SAVING = tuple(method for methods in PANELS.values() for method in methods)
+SAVING = tuple(PANELS.values())
+PAPER, FREE, FAMILY = "the paper's pairs", "free struts", "an expert of the family"
+BODIES, REAL = "novices of another body", "real robots"
+#: Headings of the figure -> kinds of pairs below it.
+HEADINGS = {
+    "simulated, same sensors": (PAPER, FREE, FAMILY),
+    "simulated, other sensors": (BODIES,),
+    "real robots": (REAL,),
+}
 
 
 class PlanarMotion(NamedTuple):
@@ -290,13 +299,40 @@ def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         frame: results of Figure 3.
         table: the table of several experts.
     """
-    member = table[(table.experts == MEMBER_ALONE) & (table.way == "all")]
+    member = table[(table.experts == family_results.MEMBER) & (table.way == "all")]
     losses = member.rename(columns={"loss": "validation_loss"})
     tuned = losses.assign(method="pretrain_finetune")
     alone = frame[(frame.method == "novice_only") & frame.system.isin(member.system)]
     columns = ["system", "method", "seed", "novice_minutes", "validation_loss"]
     both = pd.concat([tuned[columns], alone[columns]], ignore_index=True)
     return both.assign(system="family")
+
+
+def groups(
+    figure3: pd.DataFrame,
+    free: pd.DataFrame,
+    bodies: pd.DataFrame,
+    relatives: pd.DataFrame,
+    recorded: pd.DataFrame,
+) -> dict[str, Group]:
+    """Kinds of pairs -> their results, for `saved`.
+
+    Args:
+        figure3: results of Figure 3.
+        free: the same with free struts.
+        bodies: results of novices with other bodies.
+        relatives: records of several experts.
+        recorded: records of real robots.
+    """
+    member = family_of(figure3, family_results.table(relatives))
+    real = robot_results.long(recorded)
+    return {
+        PAPER: Group(figure3, 1.0),
+        FREE: Group(free, 1.0),
+        FAMILY: Group(member, 1.0),
+        BODIES: Group(by_novice(bodies), 1.0, pair="system1"),
+        REAL: Group(real, 8.0, "loss", held_out=HELD_OUT),
+    }
 
 
 def table(gaps: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
@@ -314,40 +350,29 @@ def table(gaps: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
     return rows[names].reset_index(drop=True)
 
 
-@styled
 def figure(table: pd.DataFrame) -> Figure:
-    """The saving against the gap, one plot for each title of PANELS.
+    """The saving of each pair of robots as labelled dots, by the gap between them.
 
-    No point is drawn where the sizes that were run give no more than a bound.
+    No dot is drawn where the sizes that were run give no more than a bound.
     """
-    figure, panels = side_by_side(2)
-    table = table[table.bound == "="]
-    kinds = list(dict.fromkeys(table.kind))
-    for axes, (title, methods) in zip(panels, PANELS.items(), strict=True):
-        axes.set(xscale="log", yscale="log", title=title)
-        axes.set_xlabel("gap between the robots before learning (1: none)")
-        axes.set_ylabel("data without it / with it, same loss")
-        shown = table[table.method.isin(methods)]
-        for (kind, method), rows in shown.groupby(["kind", "method"], sort=False):
-            low, high = rows.low.fillna(rows.ratio), rows.high.fillna(rows.ratio)
-            bars = np.clip([rows.ratio - low, high - rows.ratio], 0, None)
-            style = SIZE_STYLES[kinds.index(kind)] | {"linestyle": "", "label": kind}
-            if method in CORES:
-                label = f"{kind}, recurrent core alone"
-                style |= {"label": label, "markerfacecolor": "white"}
-            # points of one pair stand side by side
-            gap = rows.gap * 1.025 ** rows.groupby("gap").cumcount()
-            axes.errorbar(gap, rows.ratio, yerr=bars, capsize=2, elinewidth=1, **style)
-        if len(shown):
-            axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-    drawn = [axes for axes in panels if axes.has_data()]
-    ends = [axes.get_ylim() for axes in drawn]
-    for axes in drawn:
-        axes.set_ylim(min(low for low, _ in ends), max(high for _, high in ends))
-    for axes in panels:
-        finish(axes, (1, 1.5, 2, 3, 5), legend=False)
-    legend_below(figure, panels)
-    return figure
+    table = table[table.bound == "="].sort_values("gap", kind="stable")
+    rows = [
+        (panel, _row(row), heading, method, row.ratio, row.low, row.high)
+        for heading, kinds in HEADINGS.items()
+        for row in table[table.kind.isin(kinds)].itertuples()
+        for panel, method in PANELS.items()
+        if row.method == method
+    ]
+    names = ["panel", "row", "group", "method", "value", "low", "high"]
+    dots = pd.DataFrame(rows, columns=names)
+    ticks = 0.3, 1.0, 3.0, 10.0, 30.0, 100.0
+    return dot_plot(dots, "data saved (times)", list(PANELS), ticks)
+
+
+def _row(row: Any) -> str:
+    """The name of a pair's row, with its gap."""
+    pair = "system 1, family" if row.system == "family" else system_label(row.system)
+    return f"{pair} (gap {row.gap:.1f})"
 
 
 def make(study: Study, workers: int) -> None:

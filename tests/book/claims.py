@@ -548,12 +548,12 @@ CLAIMS = [
         not_invariant,
     ),
     Claim(
-        "notebooks/12-least-squares.ipynb",
+        "notebooks/06-rivals.ipynb",
         "at all four sizes on both systems, surely so",
         halved,
     ),
     Claim(
-        "notebooks/12-least-squares.ipynb",
+        "notebooks/06-rivals.ipynb",
         "it does not always get by with half the data",
         claim_fails,
     ),

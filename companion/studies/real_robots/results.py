@@ -10,7 +10,13 @@ from matplotlib.figure import Figure
 from companion.figures.style import METHOD_STYLES, legend_entries
 from companion.statistics.pairs import page_table, paired_comparison
 from companion.statistics.tables import wide
-from companion.studies.real_robots.measure import ALONE, HELD_OUT, PAIRS
+from companion.studies.real_robots.measure import (
+    ALONE,
+    HELD_OUT,
+    PAIRS,
+    PRETRAINED,
+    WITH_EXPERT,
+)
 from sidm.plots import finish, side_by_side, styled
 
 #: Fields of a record that have an entry per size.
@@ -86,6 +92,39 @@ def table(
         held_out=HELD_OUT,
     )
     return compared.rename(columns={"novice_minutes": "sessions"})
+
+
+def seconds_unbeaten(frame: pd.DataFrame) -> str:
+    """From how much of its motion on no network beat least squares on the Warthog.
+
+    Returns:
+        Seconds of motion, six for each session, as text; 'not run' without results.
+    """
+    networks = ("novice_only", *WITH_EXPERT, PRETRAINED)
+    squares = table(frame, against="least_squares")
+    rows = squares[
+        (squares.system == "husky to warthog") & squares.method.isin(networks)
+    ]
+    least = rows.groupby("sessions").ratio.min()
+    unbeaten = least[least > 1]
+    return f"{6 * unbeaten.index.min():.0f}" if len(unbeaten) else "not run"
+
+
+def percent_better(compared: pd.DataFrame, pair: str, sessions: int) -> dict[str, str]:
+    """By how many per cent each method's loss is lower, with its interval, as text.
+
+    Args:
+        compared: made by `table`.
+        pair: of expert and novice.
+        sessions: of the novice's motion.
+    """
+    rows = compared[(compared.system == pair) & (compared.sessions == sessions)]
+    return {
+        row.method: "{:.0f} ({:.0f} to {:.0f})".format(
+            *(100 * (1 - end) for end in (row.ratio, row.high, row.low))
+        )
+        for row in rows.itertuples()
+    }
 
 
 def for_page(table: pd.DataFrame) -> pd.DataFrame:
