@@ -599,7 +599,7 @@ CLAIMS = [
         three_of_fourteen,
     ),
     Claim(
-        "notebooks/19-hypotheses.ipynb",
+        "notebooks/18-choices.ipynb",
         "Three changes help in all four comparisons",
         three_changes,
     ),
