@@ -553,7 +553,7 @@ CLAIMS = [
         short_paths,
     ),
     Claim(
-        "notebooks/09-components.ipynb",
+        "notebooks/11-latent-space.ipynb",
         "13 of 18 intervals confirm it",
         planar_components,
     ),
