@@ -48,9 +48,7 @@ def write_sources(app: Sphinx) -> None:
     if not modules.issuperset(path.stem for path in sources):
         while sources:  # the sources of other modules may name the one that is gone
             sources.pop().unlink()
-    generate_autosummary_docs(
-        [LIST, *map(str, sources)], base_path=app.srcdir, app=app
-    )
+    generate_autosummary_docs([LIST, *map(str, sources)], base_path=app.srcdir, app=app)
 
 
 def break_title(

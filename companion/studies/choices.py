@@ -11,14 +11,20 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from companion.engine.store import Results
-from companion.methods import CHOICES, FIGURE3, RELEASED
+from companion.figures.named_rows import dot_plots, line_of_no_difference, name_rows
+from companion.figures.style import METHOD_STYLES, legend_below
+from companion.methods import CHOICES, COMPARED, FIGURE3, RELEASED
+from companion.statistics import savings
 from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
+from sidm.plots import finish, styled
 
 #: Description of a choice -> changes of the preset, and the methods that it concerns.
 Choices = Mapping[str, tuple[dict[str, Any], tuple[str, ...]]]
@@ -87,3 +93,48 @@ def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
         ["system", "method", "novice_minutes"],
         ["choice"],
     )
+
+
+def saved(frame: pd.DataFrame) -> pd.DataFrame:
+    """Data ratios of the SIDM in Figure 3 and with choices of the released code.
+
+    Where only the SIDM has a choice, the novice alone is that of Figure 3.
+
+    Args:
+        frame: made by `frame` with RELEASED.
+
+    Returns:
+        A table of `savings.savings` with the column `choice`.
+    """
+    parts = []
+    for choice, rows in frame.groupby("choice", sort=False):
+        alone = frame[(frame.choice == UNCHANGED) & (frame.method == COMPARED[1])]
+        both = rows if COMPARED[1] in set(rows.method) else pd.concat([rows, alone])
+        parts.append(savings.savings(both).assign(choice=choice))
+    return pd.concat(parts) if parts else savings.savings(frame).assign(choice="")
+
+
+@styled
+def figure(table: pd.DataFrame) -> Figure:
+    """A row per choice with the ratio of each method's losses and its interval.
+
+    Args:
+        table: rows of `table` of one system and size.
+    """
+    names = list(dict.fromkeys(table.choice))
+    drawn, (axes,) = dot_plots(1, len(names), height=0.55)
+    methods = [name for name in FIGURE3 if name in set(table.method)]
+    for number, method in enumerate(methods):
+        rows = table[table.method == method]
+        heights = rows.choice.map(names.index) + 0.19 * number - 0.05
+        bars = np.clip([rows.ratio - rows.low, rows.high - rows.ratio], 0, None)
+        style = METHOD_STYLES[method] | {"linestyle": "", "elinewidth": 1.2}
+        axes.errorbar(rows.ratio, heights, xerr=bars, capsize=2, **style)
+    if names:
+        line_of_no_difference(axes)
+        axes.set(xscale="log", xlabel="loss after the change / loss before it")
+    finish(axes, [0.9, 1, 1.1, 1.2, 1.3, 1.4] if names else (), legend=False)
+    if names:
+        name_rows(axes, names)
+    legend_below(drawn, [axes])
+    return drawn

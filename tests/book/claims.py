@@ -538,7 +538,7 @@ CLAIMS = [
         short_paths,
     ),
     Claim(
-        "notebooks/09-components.ipynb",
+        "notebooks/11-latent-space.ipynb",
         "13 of 18 intervals confirm it",
         planar_components,
     ),
@@ -584,7 +584,7 @@ CLAIMS = [
         three_of_fourteen,
     ),
     Claim(
-        "notebooks/19-hypotheses.ipynb",
+        "notebooks/18-choices.ipynb",
         "Three changes help in all four comparisons",
         three_changes,
     ),

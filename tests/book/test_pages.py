@@ -178,7 +178,8 @@ def test_every_module_has_its_page_in_the_reference(book):
 
 def test_the_page_of_the_package_leads_to_every_room(book):
     links = {
-        urldefrag(address)[0] for _, address in read(book / "book" / "extending.html").links
+        urldefrag(address)[0]
+        for _, address in read(book / "book" / "extending.html").links
     }
     text = (ROOT / "book" / "extending.md").read_text(encoding="utf-8")
     table = [line for line in text.splitlines() if line.startswith("| {py:mod}`")]
