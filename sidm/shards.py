@@ -40,11 +40,7 @@ class ShardError(DataError):
 
 
 def simulated_ground(drive: Drive) -> SimulatedGround:
-    """The ground of a simulated drive.
-
-    Raises:
-        ValueError: the drive was recorded.
-    """
+    """The ground of a simulated drive."""
     if not isinstance(drive.ground, SimulatedGround):
         name = drive.name or "the drive"
         raise ValueError(f"{name} was not simulated: its ground has no seed")
@@ -79,16 +75,7 @@ def write_shard(path: Path, drives: Sequence[Drive]) -> None:
 
 
 def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
-    """The drives of a shard.
-
-    Args:
-        path: the file.
-        terrain: the kind of ground that they drove on.
-        robot: name of the robot that drove.
-
-    Raises:
-        ShardError: the file is missing or damaged.
-    """
+    """The drives of a shard: of `robot`, on that kind of ground."""
     try:
         columns = read_arrays(path)
         _check_shapes(columns)
@@ -274,11 +261,7 @@ def novice_split(
 def split_indices(
     pool_size: int, count: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of `count` of `pool_size` trajectories, split as by `novice_split`.
-
-    Returns:
-        Indices (n,) of the training trajectories and (m,) of the test trajectories.
-    """
+    """Indices of `count` of `pool_size` trajectories, split as by `novice_split`."""
     chosen = np.random.default_rng(seed).permutation(pool_size)[:count]
     testing = np.arange(count) % TEST_EVERY == 1
     return chosen[~testing], chosen[testing]

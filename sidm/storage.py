@@ -44,9 +44,7 @@ class Damaged(ValueError):
 def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Write a file so that it appears under its name only when it is whole.
 
-    Args:
-        path: the file.
-        write: is called with a new, open file beside `path`, which then moves there.
+    `write` is called with a new, open file beside `path`, which then moves there.
 
     Raises:
         OSError: the file cannot be written, as on a full disk; one line that names
@@ -106,12 +104,7 @@ def checksum(array: np.ndarray) -> str:
 
 
 def sweep(folder: Path, age: float = 3600.0) -> None:
-    """Delete unfinished files that killed writers left in a folder.
-
-    Args:
-        folder: where the files are.
-        age: s since the last write; younger files may still be written.
-    """
+    """Delete files that killed writers left, not written to for `age` seconds."""
     for part in folder.glob(".*.part"):
         with contextlib.suppress(OSError):
             if time.time() - part.stat().st_mtime > age:
@@ -154,11 +147,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def write_record(path: Path, values: Mapping[str, Any]) -> None:
-    """Write a mapping of JSON types, one value a line, with a checksum.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """Write a mapping of JSON types, one value a line, with a checksum."""
     lines = (
         f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}"
         for name, value in values.items()

@@ -32,14 +32,8 @@ def perlin(
 ) -> np.ndarray:
     """Gradient noise (Perlin, 2002), with a random gradient at each lattice point.
 
-    Args:
-        x: coordinates, m, of any shape.
-        y: coordinates, m, of the same shape as `x` or broadcasting with it.
-        frequency: lattice points a metre.
-        rng: draws the gradients of the lattice around the points.
-
-    Returns:
-        Values of the broadcast shape, within +-1, 0 on the lattice points.
+    Values at coordinates x and y, m, which broadcast, are within +-1 and 0 on the
+    lattice points, of which `frequency` are in a metre.
     """
     x, y = x * frequency, y * frequency
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
@@ -75,15 +69,10 @@ def cell_heights(
 
 
 def nearest_centres(x: np.ndarray, y: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Number (H, W) of the centre that is nearest to each grid point (x[j], y[i]).
+    """Number (H, W) of the centre (n, 2), m, nearest to each grid point (x[j], y[i]).
 
-    Each tile of the grid compares the few centres that are nearest to its middle; this
-    takes a third of the time of a search for each point.
-
-    Args:
-        x: (W,), m, evenly spaced.
-        y: (H,), m, evenly spaced.
-        centres: (n, 2), m.
+    Each tile of the evenly spaced grid compares the few centres that are nearest to its
+    middle; this takes a third of the time of a search for each point.
     """
     tree = cKDTree(centres)
     columns, rows = _tiles(len(x)), _tiles(len(y))  # (N, t), (M, s)

@@ -64,11 +64,7 @@ def bundled_drives() -> list[Drive]:
 def run(folder: str | Path) -> Demo:
     """Fit a model by least squares and evaluate it on drives held out.
 
-    Args:
-        folder: where the model and a replay are written.
-
-    Raises:
-        OSError: the folder cannot be written.
+    The folder gets the model and a replay.
     """
     training, held_out = split(bundled_drives(), HELD_OUT, seed=0)
     model = fit(training, method="least_squares", out=Path(folder) / "model")

@@ -32,29 +32,11 @@ def drives_from(
     default_body: BodyLike | None = None,
     skip_bad: bool = False,
 ) -> list[Drive]:
-    """List of drives from any form in which a user can pass them.
+    """The drives of one body from any form in which a user can pass them.
 
-    Args:
-        source: drives; or a file, a ROS bag or a folder, or several of them; or a
-            pandas table.
-        body: body of the drives. Drives that have been read already need none; if one
-            is given, they must have the same pose, state, actions and rate.
-        argument: the name of the argument, for error messages.
-        topics: topics of ROS bags, needed if a bag has several matching topics.
-        allow_constant: whether a column may never change, as in
-            `recordings.read_drives`.
-        default_body: body of drives in files where `body` is None.
-        skip_bad: whether to leave out faulty drives of files, as in
-            `recordings.read_drives`.
-
-    Returns:
-        The drives, all of one body.
-
-    Raises:
-        ConfigError: there are no drives, no body is given, or the drives have another
-            body.
-        RecordingError: the first fault of a file or a table.
-        TypeError: `source` has a type that cannot hold drives.
+    `argument` is its name in messages. Drives that have been read already need no body;
+    one that is given must have the same pose, state, actions and rate. Those of files
+    have `default_body` where `body` is None.
     """
     file_body = body or default_body
     reading: dict[str, Any] = {"held": allow_constant, "skip_bad": skip_bad}
@@ -157,9 +139,6 @@ def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
     """The drive with `body`, which must describe the same numbers.
 
     The two bodies may differ in other things, such as the weights of the loss.
-
-    Raises:
-        ConfigError: pose, state, actions or rate of the two bodies differ.
     """
     expected = _layout(body)
     for name, value in _layout(drive.body).items():

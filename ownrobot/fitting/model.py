@@ -62,23 +62,14 @@ class Model:
         return f"Model({self.method!r} of {data})"
 
     def loss(self, drives: Drives, topics: Sequence[str] = ()) -> float:
-        """Mean loss of a step, equation (1), on drives that the model has not seen.
+        """Mean loss of a step, equation (1), on drives as those of `evaluate`.
 
-        Args:
-            drives: as in `evaluate`.
-            topics: as in `evaluate`.
-
-        Returns:
-            The loss, with the weights of the components as in the training.
+        The weights of the components are those of the training.
         """
         return self.score(drives, topics).loss
 
     def score(self, drives: Drives, topics: Sequence[str] = ()) -> Score:
-        """The loss on drives that the model has not seen, with its standard error.
-
-        Args:
-            drives: as in `evaluate`.
-            topics: as in `evaluate`.
+        """The loss on drives as those of `evaluate`, with its standard error.
 
         Examples:
             >>> model = ownrobot.load("recordings/models/warthog")
@@ -154,11 +145,7 @@ class Model:
     def evaluate_drives(
         self, drives: Drives, topics: Sequence[str] = ()
     ) -> pd.DataFrame:
-        """The loss of each drive, the worst first.
-
-        Args:
-            drives: as in `evaluate`.
-            topics: as in `evaluate`.
+        """The loss of each of the drives, given as to `evaluate`, the worst first.
 
         Returns:
             A row for each drive: `drive` and `session`, names; `seconds`; `loss`, mean

@@ -23,17 +23,10 @@ Steps = tuple[Tensor, Tensor]  # (K, Y), predicted and actual transitions of a d
 def predict_steps(
     predictor: Predictor, drives: Sequence[Drive], pixels: int
 ) -> list[Steps]:
-    """Predictions of every step of the drives, each from the recorded state before it.
+    """Predicted and actual transitions (K, Y) of each drive, one step ahead, raw units.
 
-    A recurrent network keeps its memory from a drive's start to its end.
-
-    Args:
-        predictor: a model of the drives' robot.
-        drives: of any length.
-        pixels: side of the height maps where the body does not set it.
-
-    Returns:
-        Predicted and actual transitions (K, Y) of each drive, in raw units.
+    Each prediction is from the recorded state before it. A recurrent network keeps its
+    memory from a drive's start to its end.
     """
     by_length = defaultdict(list)  # drives of one length make batches
     for number, drive in enumerate(drives):

@@ -39,14 +39,8 @@ def cut(
 ) -> list[Drive]:
     """Consecutive windows of `steps` steps, cut from the start of each drive.
 
-    Args:
-        drives: of any length; drives shorter than a window are left out.
-        steps: T, length of a window.
-        overlap: whether a drive's last window ends where the drive ends and so overlaps
-            the window before; otherwise the rest of a drive is left out.
-
-    Raises:
-        ConfigError: no drive has `steps` steps.
+    Shorter drives are left out. With `overlap` a drive's last window ends where the
+    drive ends; otherwise the rest of a drive is left out.
     """
     windows = []
     for drive in drives:
@@ -106,9 +100,6 @@ def split_by_ground(drives: Sequence[Drive], held_out: int) -> tuple[Tensor, Ten
     """Numbers of the windows to learn from, (n,), and to evaluate on, (m,).
 
     The windows on the last `held_out` grounds are for evaluation.
-
-    Raises:
-        ValueError: `held_out` is not between 1 and the number of grounds less 1.
     """
     grounds = torch.from_numpy(grounds_of(drives))
     count = int(grounds.max()) + 1
@@ -126,19 +117,10 @@ def rollouts(
     pixels: int = 0,
     seen: bool = True,
 ) -> Tensor:
-    """Open-loop predictions of K steps, from step `start` of each window.
+    """Open-loop predictions (N, K + 1, S) from step `start` of each of N windows.
 
-    Args:
-        model: a model of the drives' robot.
-        drives: N windows of equal length.
-        start: number of the step from which the model sees its own predictions.
-        steps: K, the number of predicted steps.
-        pixels: side of the height maps where the body does not set it.
-        seen: whether the model first sees the recorded steps before `start`; otherwise
-            its memory is empty at `start`.
-
-    Returns:
-        States (N, K + 1, S); the first state is the recorded one at `start`.
+    The first state is the recorded one at `start`. If `seen`, the model first sees the
+    recorded steps before; otherwise its memory is empty at `start`.
     """
     states, actions = states_and_actions(drives)
     path = states[:, start : start + steps + 1].clone()

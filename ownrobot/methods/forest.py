@@ -50,12 +50,9 @@ class Forest(NamedTuple):
     def with_trees(
         self, component: int, trees: Sequence[Any], baseline: float
     ) -> Forest:
-        """The forest with further trees that add to a component of y.
+        """The forest with further trees, and a baseline, that add to a component of y.
 
-        Args:
-            component: number of the component.
-            trees: NumPy arrays of nodes, as scikit-learn's histogram trees have them.
-            baseline: is added to the component too.
+        The trees are arrays of nodes, as scikit-learn's histogram trees have them.
         """
         parts = {name: [tensor] for name, tensor in self._asdict().items()}
         first = len(self.feature)

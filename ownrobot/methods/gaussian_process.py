@@ -66,15 +66,9 @@ def _kernel(rows: Tensor, samples: Tensor) -> Tensor:
 class GaussianProcess(Predictor):
     """Predicts transitions (B, T, Y) with Gaussian processes.
 
-    The memory is the last x, (B, 1, X); at a drive's first step the x before is x
-    itself.
-
-    Args:
-        body: the robot's body.
-        posterior: the processes.
-        base: the expert's model, without a memory, which the processes correct; None
-            if they predict the changes of columns.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
+    They correct a base, the expert's model without a memory, or predict the changes of
+    columns. The memory is the last x, (B, 1, X); at a drive's first step the x before
+    is x itself.
     """
 
     scale: Tensor | None

@@ -40,14 +40,6 @@ class Kinematics(Predictor):
     """Predicts transitions (B, T, Y) of a wheeled robot.
 
     The parameters are zero until they are identified.
-
-    Args:
-        model: which of the kinematic models.
-        body: the robot's body.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-
-    Raises:
-        ConfigError: the body has no such drivetrain.
     """
 
     scale: Tensor | None
@@ -147,17 +139,7 @@ def identify(
 ) -> Trained:
     """Fit the parameters to the novice's steps, train and test split together.
 
-    Args:
-        datasets: the novice's train and test split; the other data are not used.
-        body: the robot's body.
-        model: which of the kinematic models.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-
-    Returns:
-        The model and its training; the test loss is that on all steps.
-
-    Raises:
-        ConfigError: the body has no drivetrain for this model; one line.
+    The test loss is that on all these steps.
     """
     fitted = Kinematics(model, body, scale)
     sets = datasets.train, datasets.test

@@ -135,11 +135,7 @@ class NormalEquations(NamedTuple):
         return NormalEquations(*map(operator.sub, self, part))
 
     def solve(self, penalties: Tensor) -> Tensor:
-        """Weights (F, Y) of the lowest mean squared error.
-
-        Args:
-            penalties: (F,), factors of the weights' squares, which add to the error.
-        """
+        """Weights (F, Y) of the lowest mean squared error with penalties (F,)."""
         gram = self.gram / self.steps + penalties.diag()
         return torch.linalg.solve(gram, self.cross / self.steps)
 
@@ -228,11 +224,9 @@ def _numbers_and_residuals(
     sets: Sequence[Windows],
     image: Callable[[Windows], Windows] | None,
 ) -> tuple[Tensor, Tensor]:
-    """Numbers and residuals of all windows of some sets, one after the other.
+    """Numbers (n, T, N), and what the base leaves of the transitions, (n, T, Y).
 
-    Returns:
-        Numbers (n, T, N) and what the base leaves of the transitions, (n, T, Y); 2 T in
-        place of T with an `image`.
+    With an `image` there are 2 T in place of T steps.
     """
 
     def pair(part: Windows) -> tuple[Tensor, Tensor]:

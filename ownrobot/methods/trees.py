@@ -21,11 +21,6 @@ class Trees(Predictor):
 
     The memory is the last x, (B, 1, X); at a drive's first step the x before is x
     itself.
-
-    Args:
-        body: the robot's body.
-        forest: its trees.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
 
     scale: Tensor | None
@@ -60,16 +55,10 @@ class Trees(Predictor):
 def features(
     inputs: Tensor, maps: Tensor, body: Body, before: Tensor | None = None
 ) -> Tensor:
-    """What the trees see: x, the x of the step before, and the map's features.
+    """Features (B, T, F), float64: x, the x of the step before, and the map's features.
 
-    Args:
-        inputs: (B, T, X), raw units.
-        maps: (B, T, P, P), m.
-        body: the robot's body.
-        before: (B, 1, X), x of the step before the first; by default x of the first.
-
-    Returns:
-        Features (B, T, F), float64.
+    Inputs are (B, T, X), maps (B, T, P, P), m; `before` (B, 1, X) is x of the step
+    before the first, by default x of the first.
     """
     first = inputs[:, :1] if before is None else before
     parts = [inputs, torch.cat([first, inputs[:, :-1]], 1)]

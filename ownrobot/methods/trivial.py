@@ -21,12 +21,8 @@ Model = Literal["nothing_changes", "mean"]
 class Trivial(Predictor):
     """Predicts transitions (B, T, Y) that are the same whatever the robot does.
 
-    Args:
-        model: 'nothing_changes': the robot stays where it is, and the columns keep
-            their values; 'mean': the mean transition of the training split, zero until
-            `learn` sets it.
-        body: the robot's body.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
+    'nothing_changes': the robot stays where it is, and the columns keep their values;
+    'mean': the mean transition of the training split, zero until `learn` sets it.
     """
 
     scale: Tensor | None
@@ -60,17 +56,7 @@ class Trivial(Predictor):
 def learn(
     datasets: Datasets, body: Body, model: Model, scale: Tensor | None = None
 ) -> Trained:
-    """The trivial model, with the mean of the novice's training split if it needs it.
-
-    Args:
-        datasets: the novice's train and test split; the other data are not used.
-        body: the robot's body.
-        model: which of the two models.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-
-    Returns:
-        The model and its training; the test loss is that on the test split.
-    """
+    """The trivial model, with the mean of the training split if it needs it."""
     trivial = Trivial(model, body, scale)
     train, test = datasets.train, datasets.test
     if model == "mean":

@@ -80,9 +80,6 @@ class Encoder(nn.Module):
         Returns:
             Latents (B, T, latent), in the inputs' precision even if the layers compute
             in another one under `torch.autocast`.
-
-        Raises:
-            ValueError: wrong shapes.
         """
         _require_shape(inputs, ("B", "T", self.size), "inputs")
         _require_shape(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
@@ -204,13 +201,7 @@ class Discriminator(nn.Module):
 def seeded(seed: int, part: str, build: Callable[[], M]) -> M:
     """Build a module whose initial weights depend on `seed` and `part` alone.
 
-    Args:
-        seed: of the model.
-        part: name of the module in the model.
-        build: makes the module.
-
-    Returns:
-        The module; the global random generator is left as it was.
+    The global random generator is left as it was.
     """
     with torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(derive(seed, part))

@@ -47,9 +47,6 @@ def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor
     Returns:
         Inputs (..., X); 11 for the paper's body: the up direction in the body's frame,
         the twist, and the action.
-
-    Raises:
-        ValueError: wrong shapes.
     """
     _require_size(states, len(body.state), "states")
     _require_size(actions, len(body.actions), "actions")
@@ -67,9 +64,6 @@ def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tenso
 
     Returns:
         Transitions (..., Y), raw units, with a quaternion of w >= 0.
-
-    Raises:
-        ValueError: wrong shapes.
     """
     _require_size(states, len(body.state), "states")
     _require_size(next_states, len(body.state), "next_states")
@@ -98,9 +92,6 @@ def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor
 
     Returns:
         States (..., S) after the step, with quaternions of length 1.
-
-    Raises:
-        ValueError: wrong shapes.
     """
     _require_size(states, len(body.state), "states")
     _require_size(transitions, len(body.targets), "transitions")
@@ -133,9 +124,6 @@ def convert_to_body(
 
     Returns:
         States (..., S) and actions (..., A).
-
-    Raises:
-        ConfigError: a column or an action that the paper's robots do not have.
     """
     _require_size(states, STATE_SIZE, "states")
     _require_size(actions, ACTION_SIZE, "actions")
@@ -215,19 +203,10 @@ def heading_of(states: Tensor, body: Body = ROVER) -> Tensor:
 
 
 def surface(heights: Tensor, x: Tensor, y: Tensor, spacing: float = 0.1) -> Tensor:
-    """Heights of terrains at points: `sidm.terrain.height_at` for tensors.
+    """Heights (N, K), m, of N terrains (N, H, W) at points x and y (N, K) each, m.
 
-    The surface consists of two triangles in each grid cell, which is cut from corner
-    (0, 1) to corner (1, 0).
-
-    Args:
-        heights: (N, H, W), m, of N terrains.
-        x: (N, K), m, of K points of each terrain.
-        y: (N, K), m.
-        spacing: distance between two points of the grid, m.
-
-    Returns:
-        Heights (N, K), m.
+    It is `sidm.terrain.height_at` for tensors: two triangles in each grid cell, which
+    is cut from corner (0, 1) to corner (1, 0).
     """
     rows, columns = heights.shape[-2:]
     across = (x / spacing + (columns - 1) / 2).clamp(0, columns - 1)

@@ -25,26 +25,16 @@ MAX_INTERVAL = 60.0  # s between two checkpoints, however long it takes to write
 
 
 class Checkpoint:
-    """The checkpoint of one training.
-
-    Args:
-        folder: where the checkpoint lies; None: nothing is written.
-    """
+    """The checkpoint of one training in a folder; of None nothing is written."""
 
     def __init__(self, folder: str | Path | None) -> None:
         self.folder = None if folder is None else Path(folder)
         self._last_time, self._cost = -math.inf, 0.0  # s
 
     def restore(self, trainer: Trainer) -> bool:
-        """Put a trainer into the state of the checkpoint, if there is one.
+        """Put a trainer into the state of the checkpoint, and say whether there is one.
 
         On one thread the training continues bit for bit.
-
-        Returns:
-            Whether there was a checkpoint.
-
-        Raises:
-            CheckpointError: the checkpoint is damaged or of another run.
         """
         stored = None if self.folder is None else checkpoint.read(self.folder)
         if stored is None:
@@ -76,11 +66,7 @@ class Checkpoint:
 
 
 def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """All parts of a trainer that change during training.
-
-    Returns:
-        Tensors by path, and values of plain JSON types by name.
-    """
+    """Tensors by path, and plain JSON values, of all that changes during training."""
     groups = {
         "model": checkpoint.module_tensors(trainer.model),
         "discriminator": checkpoint.module_tensors(trainer.discriminator),

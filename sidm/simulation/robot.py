@@ -76,15 +76,9 @@ def _link(
 ) -> str:
     """A URDF link whose frame is parallel to the body's.
 
-    Args:
-        name: of the link.
-        mass: kg.
-        centre: (3,), m, the link's centre of mass in its frame.
-        inertia: (3,), kg m^2, about the centre of mass; 0 for parts that have none in
-            the released simulator.
-        shape: a URDF shape from its origin's rotation on; '': the link is not shown.
-        colour: red, green and blue.
-        solid: whether the shape touches others; else it is for pictures only.
+    Mass is in kg, the centre of mass (3,) in m, inertia (3,) about it in kg m^2, 0 for
+    parts that have none in the released simulator. `shape` is a URDF shape from its
+    origin's rotation on; a part that is not `solid` is for pictures only.
     """
     ixx, iyy, izz = inertia
     origin = f'<origin xyz="{_numbers(centre)}"'
@@ -170,13 +164,9 @@ def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints) -> list[str]:
 
 
 def urdf(robot: Robot, suspensions: Mapping[str, Suspension]) -> str:
-    """The robot as URDF text.
+    """The robot as URDF text, from the suspensions of its 'rear' and 'front' axle.
 
     HEAVES, ROLLS, WHEELS and KINGPINS are the names of its joints.
-
-    Args:
-        robot: the robot's parameters.
-        suspensions: of its 'rear' and its 'front' axle.
     """
     box = f'rpy="0 0 0"/><geometry><box size="{_numbers(CHASSIS_SIZE)}"/></geometry>'
     parts = [
