@@ -7,7 +7,7 @@ drives of it.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from sidm.body import ROVER
 from sidm.config import ConfigError, DataError, config
-from sidm.drives import ACTION_SIZE, PROBES, STATE_SIZE, STEPS, Drive, SimulatedGround
+from sidm.drives import STEPS, Drive, SimulatedGround
 from sidm.storage import read_arrays, write_arrays
 from sidm.systems import Terrain, find_system
 
@@ -78,28 +78,27 @@ def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
     """The drives of a shard: of `robot`, on that kind of ground."""
     try:
         columns = read_arrays(path)
-        _check_shapes(columns)
         plain = {name: columns[name].tolist() for name in TYPES}
+        drives = []
+        for row, index in enumerate(plain["index"]):
+            ground = SimulatedGround(
+                terrain,
+                plain["terrain_seed"][row],
+                plain["terrain_checksum"][row],
+                columns["terrain_probe"][row],
+            )
+            motion = columns["states"][row], columns["actions"][row]
+            discarded = tuple(plain["discarded"][row])
+            drives.append(simulated_drive(robot, index, *motion, ground, discarded))
+        return drives
     except FileNotFoundError:
         raise ShardError(
             f"{path}: the shard is missing; collect again to make it"
         ) from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, IndexError) as error:
         raise ShardError(
             f"{path}: the shard is damaged ({error}); delete it and collect again"
         ) from None
-    drives = []
-    for row, index in enumerate(plain["index"]):
-        ground = SimulatedGround(
-            terrain,
-            plain["terrain_seed"][row],
-            plain["terrain_checksum"][row],
-            columns["terrain_probe"][row],
-        )
-        states, actions = columns["states"][row], columns["actions"][row]
-        discarded = tuple(plain["discarded"][row])
-        drives.append(simulated_drive(robot, index, states, actions, ground, discarded))
-    return drives
 
 
 def simulated_drive(
@@ -113,23 +112,6 @@ def simulated_drive(
     """Drive `index` of a simulated robot of this name, with a session of its own."""
     name = f"{robot} {index}".strip()
     return Drive(states, actions, ROVER, ground, name, robot, name, index, discarded)
-
-
-def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
-    """ValueError or KeyError unless the shapes of a shard's columns fit each other."""
-    count, steps = columns["actions"].shape[:2]
-    wanted = {
-        "index": (count,),
-        "states": (count, steps + 1, STATE_SIZE),
-        "actions": (count, steps, ACTION_SIZE),
-        "terrain_seed": (count,),
-        "terrain_checksum": (count,),
-        "terrain_probe": (count, PROBES),
-        "discarded": (count, len(DISCARDS)),
-    }
-    for name, shape in wanted.items():
-        if columns[name].shape != shape:
-            raise ValueError(f"{name} has shape {columns[name].shape}, not {shape}")
 
 
 def trajectories_for(minutes: float) -> int:

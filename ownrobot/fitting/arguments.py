@@ -80,6 +80,32 @@ def drives_from(
     return _each_once(drives, argument)
 
 
+def robots_from(
+    novice: Drives,
+    expert: Drives | None,
+    body: BodyLike | None,
+    expert_body: BodyLike | None,
+    **reading: Any,
+) -> tuple[list[Drive], list[Drive] | None]:
+    """Drives of a robot, and of an expert if there is one, as users pass them."""
+    if expert is None and expert_body is not None:
+        raise ConfigError("expert_body is given, but there is no expert")
+    drives = drives_from(novice, body, "novice", **reading)
+    if expert is None:  # any robot can be learnt alone, an expert's too
+        return drives, None
+    others = drives_from(expert, expert_body, "expert", default_body=body, **reading)
+    for argument, other_role, first in (
+        ("novice", "expert", drives[0]),
+        ("expert", "novice", others[0]),
+    ):
+        if first.robot.endswith(f" {other_role}"):
+            raise ConfigError(
+                f"{argument} has the drives of '{first.robot}': "
+                "are novice and expert swapped?"
+            )
+    return drives, others
+
+
 def _refuse_not_finite(drive: Drive, argument: str) -> None:
     """Raise ConfigError for a drive in memory with a number that is not finite."""
     body = drive.body
@@ -113,7 +139,7 @@ def _each_once(drives: list[Drive], argument: str) -> list[Drive]:
     if len(different) < len(drives):
         twice = len(drives) - len(different)
         text = f"{argument} has {counted(twice, 'drive')} given twice; each counts once"
-        warnings.warn(Notice(text), stacklevel=4)
+        warnings.warn(Notice(text), stacklevel=5)
     return list(different.values())
 
 
@@ -162,22 +188,3 @@ def _layout(body: Body) -> dict[str, Any]:
         "state": [column for column, _ in body.state],
         "actions": [column for column, _ in body.actions],
     }
-
-
-def refuse_swapped(novice: Sequence[Drive], expert: Sequence[Drive] | None) -> None:
-    """Raise ConfigError when simulated drives of novice and expert are swapped.
-
-    Without an expert, a novice may have an expert's drives: any robot can be learnt
-    alone.
-    """
-    if expert is None:
-        return
-    for argument, other_role, drives in (
-        ("novice", "expert", novice),
-        ("expert", "novice", expert),
-    ):
-        if drives and drives[0].robot.endswith(f" {other_role}"):
-            raise ConfigError(
-                f"{argument} has the drives of '{drives[0].robot}': "
-                "are novice and expert swapped?"
-            )

@@ -15,7 +15,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from ownrobot.fitting.prediction import Steps
+from ownrobot.fitting.windows import Steps
 from sidm import rotations
 from sidm.body import SI, Body
 from sidm.learning.observation import heading_of, transition

@@ -16,13 +16,12 @@ from torch import Tensor
 
 from ownrobot.body_file import body_from_mapping, body_to_mapping
 from ownrobot.fitting.score import Score
-from ownrobot.methods.forest import Forest
 from ownrobot.methods.gaussian_process import GaussianProcess, Posterior
 from ownrobot.methods.kinematics import Kinematics
 from ownrobot.methods.least_squares import LeastSquares
 from ownrobot.methods.pooled import Pooled
 from ownrobot.methods.registry import METHODS
-from ownrobot.methods.trees import Trees
+from ownrobot.methods.trees import Forest, Trees
 from ownrobot.methods.trivial import Trivial
 from sidm import __version__
 from sidm.body import Body

@@ -14,9 +14,8 @@ from torch import Tensor
 
 from ownrobot.fitting.arguments import drives_from
 from ownrobot.fitting.files import read_model, write_model
-from ownrobot.fitting.prediction import Steps, predict_steps
 from ownrobot.fitting.score import DriveLosses, Score
-from ownrobot.fitting.windows import common_length, cut, rollouts
+from ownrobot.fitting.windows import Steps, common_length, cut, predict_steps, rollouts
 from sidm.body import Body
 from sidm.config import ConfigError
 from sidm.drives import AnyGround, Drive, Ground

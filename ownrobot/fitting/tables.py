@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ownrobot.fitting.prediction import Steps
-from ownrobot.fitting.windows import part_of, rollouts
+from ownrobot.fitting.windows import Steps, part_of, rollouts
 from sidm.body import SI, Body, Columns
 from sidm.drives import Drive
 from sidm.learning.model import Predictor

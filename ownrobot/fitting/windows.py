@@ -1,7 +1,8 @@
-"""Windows of equal length from drives, and rollouts from them."""
+"""Windows of equal length from drives, and predictions from them."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,10 +12,14 @@ from torch import Tensor
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, AnyGround, Drive, SimulatedGround
 from sidm.learning.dataset import states_and_actions, windows_of
-from sidm.learning.evaluation import rollout
+from sidm.learning.evaluation import EVALUATION_BATCH, rollout
 from sidm.learning.model import Predictor
 from sidm.storage import checksum
 
+Steps = tuple[Tensor, Tensor]  # (K, Y), predicted and actual transitions of a drive
+
+#: Steps of a drive that are encoded at once, which limits the memory for height maps.
+CHUNK = 256
 #: Largest share of a robot's steps in drives that are shorter than a window.
 SHORT_SHARE = 0.05
 
@@ -150,3 +155,38 @@ def rollouts(
             memory=memory,
         )
     return path
+
+
+def predict_steps(
+    predictor: Predictor, drives: Sequence[Drive], pixels: int
+) -> list[Steps]:
+    """Predicted and actual transitions (K, Y) of each drive, one step ahead, raw units.
+
+    Each prediction is from the recorded state before it. A recurrent network keeps its
+    memory from a drive's start to its end.
+    """
+    by_length = defaultdict(list)  # drives of one length make batches
+    for number, drive in enumerate(drives):
+        by_length[len(drive)].append(number)
+    results: dict[int, Steps] = {}
+    for numbers in by_length.values():
+        for first in range(0, len(numbers), EVALUATION_BATCH):
+            batch = numbers[first : first + EVALUATION_BATCH]
+            steps = _predict_batch(predictor, [drives[n] for n in batch], pixels)
+            results |= zip(batch, zip(*steps, strict=True), strict=True)
+    return [results[number] for number in range(len(drives))]
+
+
+def _predict_batch(predictor: Predictor, drives: Sequence[Drive], pixels: int) -> Steps:
+    """Predicted and actual transitions (B, K, Y) of B drives of equal length."""
+    memory, parts = None, []
+    for first in range(0, len(drives[0]), CHUNK):
+        last = min(first + CHUNK, len(drives[0]))
+        windows = windows_of([part_of(d, first, last) for d in drives], pixels)
+        with torch.inference_mode():
+            predicted, memory = predictor(
+                "novice", windows.inputs, windows.maps, memory
+            )
+        parts.append((predicted, windows.targets))
+    predicted, actual = (torch.cat(pair, dim=1) for pair in zip(*parts, strict=True))
+    return predicted, actual

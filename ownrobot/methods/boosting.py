@@ -11,14 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ownrobot.methods.closed_form import fitted, weights_of
 from ownrobot.methods.fine_tuning import pretraining_datasets
-from ownrobot.methods.forest import Forest
 from ownrobot.methods.pooled import expert_windows, joined
-from ownrobot.methods.trees import Trees, features, kept_columns
+from ownrobot.methods.trees import Forest, Trees, features, kept_columns
 from sidm.body import Body
 from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 
 #: Standard deviation below which a component counts as constant.
@@ -78,7 +77,7 @@ def learn(
         datasets = datasets._replace(train=train)
     growth = CORRECTION if corrects_expert else NOVICE
     grown = grow(datasets, body, base, growth, seed)
-    weights = torch.ones(len(body.targets)) if scale is None else scale
+    weights = weights_of(body, scale)
     train_loss, test_loss = (
         float((weights * errors).sum())
         for errors in (grown.train_errors, grown.test_errors)
@@ -86,9 +85,7 @@ def learn(
     steps = sum(
         part.targets[..., 0].numel() for part in (datasets.train, datasets.test)
     )
-    curve = [CurvePoint(steps, train_loss, test_loss, None)]
-    model = Trees(body, grown.forest, scale).eval()
-    return Trained(model, curve, steps, 0, test_loss, steps, True)
+    return fitted(Trees(body, grown.forest, scale), steps, train_loss, test_loss)
 
 
 class Grown(NamedTuple):

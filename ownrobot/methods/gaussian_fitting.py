@@ -18,13 +18,13 @@ from scipy.linalg import cho_factor, cho_solve
 from torch import Tensor
 
 from ownrobot.methods.boosting import require_scikit_learn
+from ownrobot.methods.closed_form import fitted, weights_of
 from ownrobot.methods.gaussian_process import GaussianProcess, Posterior, first_guess
 from ownrobot.methods.pooled import expert_windows
 from ownrobot.methods.trees import features
 from sidm.body import Body
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.model import Predictor
-from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 
 #: Samples that a process learns from, at most: time grows with the third power.
@@ -100,12 +100,10 @@ def learn(
         posterior = condition(_draw(both, more, rng), kernels, units)
         # Of hours of motion, these are enough for a number that only tells of the fit.
         train_errors = _errors(posterior, both.first(MOST_SAMPLES))
-    model = GaussianProcess(body, posterior, base, scale).eval()
-    weights = np.ones(len(body.targets)) if scale is None else scale.double().numpy()
+    model = GaussianProcess(body, posterior, base, scale)
+    weights = weights_of(body, scale).double().numpy()
     train_loss, test_loss = float(train_errors @ weights), float(test_errors @ weights)
-    steps = len(both.features)
-    curve = [CurvePoint(steps, train_loss, test_loss, None)]
-    return Trained(model, curve, steps, 0, test_loss, steps, True)
+    return fitted(model, len(both.features), train_loss, test_loss)
 
 
 def samples(windows: Windows, body: Body, base: Predictor | None) -> Samples:

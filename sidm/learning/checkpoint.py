@@ -56,20 +56,6 @@ def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
     return {name: torch.from_numpy(array) for name, array in arrays.items()}, values
 
 
-def strip_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors named 'prefix/name', by name; the others are left out."""
-    return {
-        name[len(prefix) + 1 :]: tensor
-        for name, tensor in tensors.items()
-        if name.startswith(f"{prefix}/")
-    }
-
-
-def add_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """All `tensors`, renamed to 'prefix/name'."""
-    return {f"{prefix}/{name}": tensor for name, tensor in tensors.items()}
-
-
 def digest(tensors: Iterable[Tensor]) -> str:
     """A checksum of tensors of one type, joined in their order."""
     return checksum(torch.cat([tensor.flatten() for tensor in tensors]).cpu().numpy())

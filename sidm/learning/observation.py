@@ -23,6 +23,8 @@ index  quantity of y                             unit        frame
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -48,8 +50,8 @@ def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor
         Inputs (..., X); 11 for the paper's body: the up direction in the body's frame,
         the twist, and the action.
     """
-    _require_size(states, len(body.state), "states")
-    _require_size(actions, len(body.actions), "actions")
+    require_shape(states, ("...", len(body.state)), "states")
+    require_shape(actions, ("...", len(body.actions)), "actions")
     up = [_up_direction(states)] if body.tilt else []
     return torch.cat([*up, states[..., body.pose_size :], actions], dim=-1)
 
@@ -65,8 +67,8 @@ def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tenso
     Returns:
         Transitions (..., Y), raw units, with a quaternion of w >= 0.
     """
-    _require_size(states, len(body.state), "states")
-    _require_size(next_states, len(body.state), "next_states")
+    require_shape(states, ("...", len(body.state)), "states")
+    require_shape(next_states, ("...", len(body.state)), "next_states")
     columns = next_states[..., body.pose_size :]
     if body.pose == "none":
         return columns
@@ -93,8 +95,8 @@ def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor
     Returns:
         States (..., S) after the step, with quaternions of length 1.
     """
-    _require_size(states, len(body.state), "states")
-    _require_size(transitions, len(body.targets), "transitions")
+    require_shape(states, ("...", len(body.state)), "states")
+    require_shape(transitions, ("...", len(body.targets)), "transitions")
     columns = transitions[..., body.pose_size :]
     if body.pose == "none":
         return columns
@@ -125,8 +127,8 @@ def convert_to_body(
     Returns:
         States (..., S) and actions (..., A).
     """
-    _require_size(states, STATE_SIZE, "states")
-    _require_size(actions, ACTION_SIZE, "actions")
+    require_shape(states, ("...", STATE_SIZE), "states")
+    require_shape(actions, ("...", ACTION_SIZE), "actions")
     twist, up = states[..., TWIST].unbind(-1), _up_direction(states).unbind(-1)
     columns = dict(zip((name for name, _ in ROVER.columns), twist, strict=True))
     columns |= dict(zip((name.replace(" ", "_") for name in UP), up, strict=True))
@@ -262,11 +264,21 @@ def _up_direction(states: Tensor) -> Tensor:
     return rotations.rotate_inverse(states[..., QUATERNION], up)
 
 
-def _require_size(tensor: Tensor, size: int, name: str) -> None:
-    """Raise a ValueError unless the last dimension of `tensor` is `size`."""
-    if tensor.ndim == 0 or tensor.shape[-1] != size:
+def require_shape(tensor: Tensor, shape: Sequence[int | str], name: str) -> None:
+    """Raise a ValueError unless `tensor` has a shape; letters are any lengths.
+
+    A shape that begins with '...' is that of the last dimensions.
+    """
+    found, wanted = tuple(tensor.shape), tuple(shape)
+    if wanted[0] == "...":
+        found, wanted = found[1 - len(wanted) :], wanted[1:]
+    if len(found) != len(wanted) or any(
+        isinstance(size, int) and size != length
+        for length, size in zip(found, wanted, strict=True)
+    ):
+        expected = ", ".join(map(str, shape))
         raise ValueError(
-            f"{name} must have shape (..., {size}), not {tuple(tensor.shape)}"
+            f"{name} must have shape ({expected}), not {tuple(tensor.shape)}"
         )
 
 

@@ -77,9 +77,11 @@ def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
         groups[name] = checkpoint.optimiser_tensors(optimiser)
     for number, hook in enumerate(trainer.hooks):
         groups[f"hook {number}"] = hook.tensors()
-    tensors: dict[str, Tensor] = {}
-    for group, members in groups.items():
-        tensors |= checkpoint.add_prefix(group, members)
+    tensors = {
+        f"{group}/{name}": tensor
+        for group, members in groups.items()
+        for name, tensor in members.items()
+    }
     return tensors, {
         "stopping": dataclasses.asdict(trainer.stopping),
         "history": [list(point) for point in trainer.history],
@@ -98,7 +100,12 @@ def load_state(
     """Put a trainer into the state that `state` gave."""
 
     def group(name: str) -> dict[str, Tensor]:
-        return checkpoint.strip_prefix(name, tensors)
+        start = f"{name}/"
+        return {
+            n.removeprefix(start): t
+            for n, t in tensors.items()
+            if n[: len(start)] == start
+        }
 
     trainer.model.load_state_dict(group("model"))
     trainer.discriminator.load_state_dict(group("discriminator"))
@@ -108,9 +115,8 @@ def load_state(
     for name, optimiser in trainer.optimisers().items():
         checkpoint.load_optimiser(optimiser, group(name))
     if trainer.training.zero_gradients:
-        for (
-            parameter
-        ) in trainer.prediction_optimiser.state:  # those that have had a gradient
+        # those that have had a gradient
+        for parameter in trainer.prediction_optimiser.state:
             parameter.grad = torch.zeros_like(parameter)
     for number, hook in enumerate(trainer.hooks):
         hook.restore(group(f"hook {number}"), values["iteration"])
