@@ -28,7 +28,7 @@ from companion.trials import Trial
 from ownrobot.methods import boosting, least_squares
 from ownrobot.methods.boosting import Growth
 from ownrobot.methods.fine_tuning import pretraining_datasets
-from ownrobot.methods.forest import Forest
+from ownrobot.methods.trees import Forest
 from sidm.body import ROVER
 from sidm.learning.dataset import Datasets
 from sidm.learning.units import Standardisation
