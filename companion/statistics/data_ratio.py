@@ -28,8 +28,7 @@ class DataRatio(NamedTuple):
     Attributes:
         value: the geometric mean; NaN with a seed's bound
         low: end of the interval; the bound where all seeds are above it, else NaN
-        high: the other end; the bound where all seeds are below it, else NaN; infinity
-            and 0 stand opposite to a bound
+        high: likewise; infinity and 0 stand opposite to a bound
         bound: in words, where there is no value: 'at least 24 in 2 of 5 seeds, 0.2 to
             0.98 in 3'
     """
@@ -50,11 +49,8 @@ def data_ratio(
 ) -> DataRatio:
     """Data of training alone divided by the method's, at equal loss, paired by seed.
 
-    Args:
-        sizes: (M,) data of training alone, rising, min.
-        alone: (S, M) losses of training alone.
-        losses: (S,) losses of the method with `at` minutes.
-        at: data of the method, min.
+    Training alone has losses (S, M) at M rising `sizes`, min; the method has `losses`
+    (S,) with `at` minutes.
     """
     needed = [
         minutes_needed(np.asarray(sizes), isotonic_fit(curve), loss)

@@ -19,13 +19,9 @@ BOUNDS = {
 
 
 def isotonic_fit(losses: np.ndarray) -> np.ndarray:
-    """The nearest curve that never rises, fitted to the logarithm of losses.
+    """The nearest curve (M,) that never rises, fitted to the logarithm of losses (M,).
 
-    Args:
-        losses: (M,), in order of growing data.
-
-    Returns:
-        The fitted losses (M,).
+    The losses are in order of growing data.
     """
     from scipy.optimize import isotonic_regression
 
@@ -36,16 +32,10 @@ def isotonic_fit(losses: np.ndarray) -> np.ndarray:
 def minutes_needed(
     minutes: np.ndarray, curve: np.ndarray, loss: float
 ) -> tuple[float, str]:
-    """Novice data with which a falling curve reaches a loss.
+    """Novice data with which a falling curve (M,) of M rising sizes reaches a loss.
 
-    Args:
-        minutes: (M,) sizes, rising.
-        curve: (M,) falling losses.
-        loss: to be reached.
-
-    Returns:
-        The minutes, interpolated between logarithms, and how to read them: '='; '<='
-        if the smallest size is enough; '>' if the largest is not.
+    The minutes are interpolated between logarithms, and come with how to read them:
+    '='; '<=' if the smallest size is enough; '>' if the largest is not.
     """
     if curve[0] <= loss:
         return float(minutes[0]), "=" if curve[0] == loss else "<="
@@ -68,14 +58,7 @@ class Efficiency(NamedTuple):
 def efficiency(
     minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, losses: np.ndarray
 ) -> Efficiency:
-    """Data-efficiency ratio at given losses, from isotonic fits of mean curves.
-
-    Args:
-        minutes: (M,) sizes of both curves, rising.
-        sidm: (M,) mean losses with SIDM.
-        novice_only: (M,) mean losses of the comparison.
-        losses: (L,) to be reached.
-    """
+    """Data-efficiency ratio at L losses, from isotonic fits of mean curves (M,)."""
     minutes, losses = np.asarray(minutes, float), np.asarray(losses, float)
     sidm_fit, novice_fit = isotonic_fit(sidm), isotonic_fit(novice_only)
     ratios, bounds = [], []
@@ -96,16 +79,10 @@ def efficiency_at_sizes(
     novice_only: np.ndarray,
     novice_only_minutes: np.ndarray | None = None,
 ) -> Efficiency:
-    """Data-efficiency ratio at the losses that the fitted SIDM curve has at its sizes.
+    """Data-efficiency ratio at the losses of the fitted SIDM curve (M,) at its sizes.
 
     The divisor is the size itself, also where the fit is level and a smaller size would
-    be enough.
-
-    Args:
-        minutes: (M,) sizes with SIDM, rising.
-        sidm: (M,) mean losses with SIDM.
-        novice_only: (M,) or (N,) mean losses of the comparison.
-        novice_only_minutes: (N,) sizes of the comparison; by default `minutes`.
+    be enough. The comparison's losses (N,) are at `novice_only_minutes`.
     """
     minutes, losses = np.asarray(minutes, float), isotonic_fit(sidm)
     other = minutes if novice_only_minutes is None else novice_only_minutes
