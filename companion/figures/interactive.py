@@ -23,14 +23,8 @@ def figure3(
     """The specification of Figure 3's chart.
 
     The reader chooses the system, switches methods on and off, and points at a seed to
-    read its loss.
-
-    Args:
-        frame: results of Figure 3.
-        saved: how many times its data training without SIDM needs, as `savings` gives
-            it.
-        methods: to be drawn.
-        words: what the chart shows, for readers who cannot see it.
+    read its loss. `saved` is made by `savings`; `words` say what the chart shows, for
+    readers who cannot see it.
     """
     styles = [METHOD_STYLES[name] for name in methods]
     labels = [style["label"] for style in styles]
@@ -132,11 +126,7 @@ def _seeds(frame: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
 def _means(
     frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str]
 ) -> pd.DataFrame:
-    """One row per system, method and size.
-
-    It has the mean `loss`, and `saved`: how many times its data training without SIDM
-    needs, as text.
-    """
+    """One row per system, method and size: the mean `loss`, and `saved` as text."""
     point = ["system", "method", "minutes"]
     means = _seeds(frame, methods).groupby(point).loss.mean().reset_index()
     times = saved.assign(method=_labels(saved.method), saved=ratio_texts(saved))

@@ -15,12 +15,7 @@ TEXT = 13  # size of text, pixels
 
 
 def themed(chart: Any, words: str) -> dict[str, Any]:
-    """The specification of a chart in the page's colours, as wide as its place.
-
-    Args:
-        chart: a chart of Altair with one view.
-        words: what the chart shows, for readers who cannot see it.
-    """
+    """The specification of a chart in the page's colours, as wide as its place."""
     ink, faint, paper = (
         alt.param(name=name, value=value)
         for name, value in (("ink", INK), ("faint", FAINT), ("paper", PAPER))

@@ -35,11 +35,7 @@ CAPPED = {
 
 
 def texts(frame: pd.DataFrame) -> dict[str, str]:
-    """Ratios with their intervals, and a p-value; 'not run' where trainings lack.
-
-    Args:
-        frame: rows of `verdicts.results`.
-    """
+    """Ratios with their intervals, and a p-value; 'not run' where trainings lack."""
     ratios = {
         name: verdicts.sidm_saving(frame, *where) for name, where in SAVINGS.items()
     }
@@ -61,11 +57,7 @@ def texts(frame: pd.DataFrame) -> dict[str, str]:
 
 
 def unit_texts(frame: pd.DataFrame) -> dict[str, str]:
-    """Losses with standardised units over those with raw ones, seed by seed.
-
-    Args:
-        frame: rows of `search.compare_units`.
-    """
+    """Losses with standardised units over those with raw ones, seed by seed."""
     found = {}
     for method, name in (("sidm", "units-sidm"), ("novice_only", "units-alone")):
         trained = frame[frame.method == method].set_index("seed")

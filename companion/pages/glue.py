@@ -28,11 +28,7 @@ def glue(name: str, value: Any) -> None:
 
 
 def glued(notebook: Path, name: str) -> str:
-    """The text that a stored notebook glued under a name.
-
-    Raises:
-        ValueError: it glued none.
-    """
+    """The text that a stored notebook glued under a name; else ValueError."""
     for output in outputs(notebook):
         if output.get("metadata", {}).get("scrapbook", {}).get("name") == name:
             return "".join(output["data"][f"{HIDDEN}text/plain"]).strip("'")

@@ -28,15 +28,13 @@ class Page:
     """A notebook that is being run; made in the cell after its parameters.
 
     The project's folder becomes the working folder. Where a parameter has another value
-    than in the project's notebook, the page begins with a line that says so. The cell
-    magic `%%text` shows Markdown in which `{name}` stands for a number, see `fill`.
+    than in the project's notebook, the page begins with a line that says so; a value of
+    another type or outside its range raises ConfigError. The cell magic `%%text` shows
+    Markdown in which `{name}` stands for a number, see `fill`.
 
     Args:
         name: the notebook's name, such as '04-figure3'.
         values: the notebook's variables, `globals()`.
-
-    Raises:
-        ConfigError: a parameter has a value of another type or outside its range.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any]) -> None:
@@ -66,13 +64,10 @@ class Page:
         glue(name, value)
 
     def fill(self, text: str) -> str:
-        """A text in which each `{name}` is the number of that name.
+        """A text in which each `{name}` is the number of that name; else NameError.
 
         It is one that this page glued, a variable of the notebook, or, as
         `{05-how-long::tuned-saving}`, one that another page's stored run glued.
-
-        Raises:
-            NameError: there is no such number.
         """
 
         def number(found: re.Match) -> str:
@@ -103,20 +98,13 @@ class Page:
         return shlex.join(words)
 
     def made_here(self, kind: str = "training") -> Markdown:
-        """Provenance of what this page has simulated or computed itself.
-
-        Args:
-            kind: kind of work, a name in `companion.numerics`.
-        """
+        """Provenance of what this page has simulated or computed itself."""
         return Markdown(made_here(self.command(f"_build/{self.name}.ipynb"), kind))
 
     def again(self, figure: str, preset: str | None = None, *more: str) -> str:
         """The command that runs the trials of a figure which this page shows.
 
-        Args:
-            figure: a value of `--figure`.
-            preset: a preset's name; by default the page's parameter.
-            *more: further arguments of the command.
+        The preset is by default the page's parameter; `more` are further arguments.
         """
         chosen = str(preset or self._values.get("preset", "laptop"))
         words = ["companion", "run", "--preset", chosen, "--figure", figure, *more]

@@ -197,9 +197,7 @@ def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
 def more_data(figure3: pd.DataFrame, changed: dict[str, pd.DataFrame]) -> list[Reading]:
     """Whether an SIDM should learn less from the expert as the novice's data grow.
 
-    Args:
-        figure3: results of Figure 3.
-        changed: name of a change -> its results on the largest novice dataset.
+    `changed` has, by the name of a change, its results on the largest novice dataset.
     """
     rows, sidm = [], figure3[figure3.method == "sidm"]
     for name, frame in changed.items():
@@ -311,7 +309,7 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
 
 
 def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
-    """Readings as a table with the headings of a page.
+    """Readings with the headings of a page.
 
     Marked are intervals from three seeds, and verdicts that are corrected.
     """
@@ -335,10 +333,9 @@ def short_table(rows: Iterable[Reading]) -> pd.DataFrame:
     """The main readings: long trainings with 5 minutes, and pretraining.
 
     Of pretraining, they are its widest and its narrowest reading. What is unclear in
-    the paper is left out. Words are shorter than those of `page_table`.
-
-    A row per reading, a column of verdicts per pair of robots. A statement stands in
-    the first of its rows.
+    the paper is left out. Words are shorter than those of `page_table`. There is a row
+    per reading, a column of verdicts per pair of robots. A statement stands in the
+    first of its rows.
     """
     main = [
         row

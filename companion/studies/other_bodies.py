@@ -37,11 +37,10 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of SIDM's losses to those of the other methods.
+    """Ratios of SIDM's losses to those of the other methods; below 1 SIDM is better.
 
-    Returns:
-        A table of `pairs.paired_comparison`, one row per novice, size and other method,
-        which is in the column `against`; below 1 where SIDM is better.
+    The table is made by `pairs.paired_comparison`, one row per novice, size and other
+    method, which is in the column `against`.
     """
     point = ["system", "novice_body", "novice_minutes"]
     sidm, parts = frame[frame.method == "sidm"], []
@@ -59,10 +58,7 @@ def by_novice(frame: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """Ratio of the loss with SIDM to that of each method of SHOWN, by novice.
-
-    There is one plot per size; below 1 SIDM is better.
-    """
+    """Ratio of the loss with SIDM to that of each method of SHOWN, a plot per size."""
     sizes = sorted(table.novice_minutes.unique())
     figure, panels = side_by_side(max(len(sizes), 1))
     names = list(NOVICES)

@@ -70,13 +70,7 @@ def neighbourhoods(
 ) -> dict[str, Neighbourhood]:
     """Compare the expert's and the novice's steps with the novice's validation steps.
 
-    Args:
-        expert: inputs (N, 11) and transitions (N, 13) of the expert's steps.
-        novice: the novice's, in the same shapes.
-        queries: inputs (Q, 11) and transitions (Q, 13) of the validation steps.
-
-    Returns:
-        The neighbourhoods of the 'expert' and the 'novice'.
+    Each is a pair of inputs (N, 11) and transitions (N, 13).
     """
     scale = np.maximum(expert[0].std(axis=0), 1e-9)
     nearest, losses = {}, {}

@@ -61,10 +61,6 @@ def along_training(
 ) -> pd.DataFrame:
     """What an SIDM saves, had all trainings been stopped after n samples or by a rule.
 
-    Args:
-        frame: rows of `verdicts.results`.
-        rules: stopping rules, keys of RULES.
-
     Returns:
         A row per `recipe` and `system` that have SIDMs, `quantity` ('data' or 'loss'),
         `minutes` of the SIDM, and `rule`. The rule is empty where all trainings were
@@ -112,17 +108,10 @@ def texts_by_rule(table: pd.DataFrame) -> pd.DataFrame:
 def losses_after(
     frame: pd.DataFrame, lengths: Sequence[int]
 ) -> dict[int, pd.DataFrame]:
-    """The validation `loss` that trainings of so many samples keep.
+    """The validation `loss` that trainings of so many samples keep, by their length.
 
-    The loss is on the validation motion that every test during training has.
-
-    Args:
-        frame: results.
-        lengths: samples after which all trainings are stopped.
-
-    Returns:
-        Length -> a row per training with its `method`, `novice_minutes`, `seed` and
-        `loss`.
+    The loss is on the validation motion that every test during training has. Each table
+    has a row per training with its `method`, `novice_minutes`, `seed` and `loss`.
     """
     whole = frame[frame.test_spacing > 0]
     points = whole[["method", "novice_minutes", "seed"]]

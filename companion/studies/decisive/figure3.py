@@ -43,14 +43,10 @@ MARK: dict[str, Any] = {"color": "0.45", "linestyle": ":", "marker": "", "lw": 1
 
 
 def table(frame: pd.DataFrame, rule: str = RELEASED) -> pd.DataFrame:
-    """Losses of Figure 3: a row per training with its `loss`.
+    """Losses of Figure 3 by a stopping rule: a row per training with its `loss`.
 
     The paper's two methods have recipe R; fine-tuning, of which the release says
-    nothing, has recipe T.
-
-    Args:
-        frame: rows of `verdicts.results`, with those of least squares if there are any.
-        rule: the stopping rule, a key of RULES; it does not stop least squares.
+    nothing, has recipe T. The rule does not stop least squares, if `frame` has any.
     """
     recipe = frame.recipe.eq("R") & frame.method.isin(COMPARED)
     tuned = frame.recipe.eq("T") & frame.method.eq(FINETUNING)
@@ -61,15 +57,11 @@ def table(frame: pd.DataFrame, rule: str = RELEASED) -> pd.DataFrame:
 
 @styled
 def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure:
-    """Figure 3 under recipe R: a panel per system.
+    """Figure 3 under recipe R, of the rows of `table`: a panel per system.
 
     Lines are means over seeds, shades reach from the least to the greatest. The arrow
     is as long as the paper's number says: from the SIDM's loss at AT minutes to where
     training alone should have it. A dotted line stands where the paper's curves meet.
-
-    Args:
-        losses: rows of `table`.
-        systems: panels.
     """
     figure, panels = side_by_side(len(systems), 2)
     for axes, system in zip(panels, systems, strict=False):

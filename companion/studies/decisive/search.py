@@ -186,13 +186,9 @@ def second_search(study: Study, system: str = "system2") -> list[Trial]:
 def scores(frame: pd.DataFrame) -> pd.DataFrame:
     """Stored draws from the best to the worst: a row per system, method and setting.
 
-    Args:
-        frame: rows of a search, with those of its references.
-
-    Returns:
-        `score`, the lowest smoothed test loss divided by that of least squares on the
-        same split, as a geometric mean over the `seeds`; and the mean
-        `validation_loss`, by which nothing is chosen.
+    `score` is the lowest smoothed test loss divided by that of least squares on the
+    same split, the search's reference, as a geometric mean over the `seeds`. By the
+    mean `validation_loss` nothing is chosen.
     """
     solved = frame.method == "least_squares"
     reference_losses = frame[solved].set_index(["system", "seed"]).best_test_loss
@@ -216,13 +212,10 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def draws_of(frame: pd.DataFrame) -> pd.DataFrame:
-    """Stored draws of the first search, one training each: a row per draw.
+    """Stored draws of `first_search`, one training each: a row per draw.
 
-    Args:
-        frame: rows of `first_search`.
-
-    Returns:
-        `method`, `number` of the draw, `score` as in `scores`, and `validation_loss`.
+    There are `method`, `number` of the draw, `score` as in `scores`, and
+    `validation_loss`.
     """
     solved = frame.method == "least_squares"
     references = frame[solved].set_index("seed").best_test_loss

@@ -22,11 +22,7 @@ from companion.studies.decisive.verdicts import (
 
 
 def ended_by_rule(frame: pd.DataFrame) -> pd.DataFrame:
-    """How many of R's trainings the released rule ended, not our cap.
-
-    Returns:
-        A row per `system`, `method` and `novice_minutes`: `ended` of `trainings`.
-    """
+    """How many of R's `trainings` the released rule `ended`, not our cap, by size."""
     kept = apply_rule(frame[frame.recipe == "R"], RULES[RELEASED])
     groups = kept.groupby(["system", "method", "novice_minutes"]).ended
     return groups.agg(ended="sum", trainings="size").reset_index()
@@ -37,10 +33,7 @@ def ratio_at_best(
 ) -> DataRatio:
     """R's data ratio at AT minutes, by the released rule or our cap.
 
-    Args:
-        frame: rows of `verdicts.results`.
-        system: the pair of robots.
-        sizes: min of training alone at which each seed has the best seed's loss.
+    `sizes` are those of training alone at which each seed has the best seed's loss.
     """
     chosen = frame[(frame.recipe == "R") & (frame.system == system)]
     losses = losses_by(chosen, RELEASED)

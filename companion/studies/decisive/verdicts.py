@@ -123,10 +123,8 @@ def ratio_of_data(
 ) -> tuple[int, DataRatio]:
     """The data ratio of a method, and from how many seeds.
 
-    Args:
-        frame: losses of one recipe on one system.
-        method: whose loss is to be reached.
-        minutes: novice data of that loss; verdicts are on AT alone.
+    `frame` has the losses of one recipe on one system, the method has so many `minutes`
+    of novice data; verdicts are on AT alone.
     """
     alone = wide(frame, "novice_only", ALONE_SIZES)
     other = wide(frame, method, [minutes])
@@ -144,15 +142,9 @@ def sidm_saving(
     minutes: float,
     rival: str | None = None,
 ) -> DataRatio:
-    """The SIDM's data ratio at any of its sizes.
+    """The SIDM's data ratio at any of its sizes, of `results`.
 
-    Args:
-        frame: `results`.
-        recipe: of the SIDM.
-        system: the pair of robots.
-        rule: stopping rule.
-        minutes: novice data of the SIDM.
-        rival: recipe of training alone; by default the same.
+    `rival` is the recipe of training alone; by default the same.
     """
     losses = _losses_of(frame, recipe, system, rule)
     if rival is not None:

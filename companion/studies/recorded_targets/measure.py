@@ -159,14 +159,7 @@ def jobs(
     recordings: str | Path = "recordings",
     sizes: Sequence[float] = SIZES,
 ) -> list[Transfer]:
-    """All trainings of a system; those of a seed follow each other.
-
-    Args:
-        study: preset, data and results.
-        system: name of the pair of robots.
-        recordings: folder of the recordings.
-        sizes: min of recorded data.
-    """
+    """All trainings of a system on `sizes`, min of recorded data, seed after seed."""
     preset, sets = study.preset, proxies(study.preset, system)
     recorded = checksum_of(read_drives(recordings_of(system, recordings), ROVER))
     transfers = []
@@ -208,9 +201,8 @@ def measure(
 ) -> TransferResult:
     """Train and evaluate the models of all sizes.
 
-    Raises:
-        RecordingError: recordings are missing, or others than those of the job.
-        ShardError: data are missing, or others than those of the job.
+    RecordingError or ShardError says that recordings or data are missing, or others
+    than those of the job.
     """
     timer, pixels = ProvenanceTimer("elsewhere", about, data), about.network.pixels
     with one_thread():
