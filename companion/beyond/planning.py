@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.config import ConfigError, check_at_least, check_numbers, config
+from sidm.config import config
 from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STEPS, upright
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
@@ -41,7 +41,7 @@ class Planning:
         iterations: iterations a plan; each samples from the distribution of the elites
             before, the first from that of the last plan
         elites: number of best samples, whose mean and standard deviation are taken
-        horizon: control steps of 0.1 s
+        horizon: control steps of 0.1 s, a multiple of `hold`
         hold: control steps for which an action is held
         replan: control steps from plan to plan
         spread: standard deviation at first, and of steps that no plan has reached yet
@@ -63,37 +63,6 @@ class Planning:
     steepest: float = 65.0
     slowest: float = SLOWEST
     fastest: float = FASTEST
-
-    def __post_init__(self) -> None:
-        """Refuse settings that allow no plan."""
-        check_numbers(self)
-        check_at_least(
-            self, 1, "samples", "iterations", "elites", "horizon", "hold", "replan"
-        )
-        if self.elites > self.samples:
-            raise ConfigError(
-                f"Planning.elites must be at most samples ({self.samples}), "
-                f"not {self.elites}"
-            )
-        if self.horizon % self.hold:
-            raise ConfigError(
-                f"Planning.horizon must be a multiple of hold ({self.hold}), "
-                f"not {self.horizon}"
-            )
-        if self.replan > self.horizon:
-            raise ConfigError(
-                f"Planning.replan must be at most horizon ({self.horizon}), "
-                f"not {self.replan}"
-            )
-        for name in ("spread", "least"):
-            value = getattr(self, name)
-            if not value > 0:
-                raise ConfigError(f"Planning.{name} must be positive, not {value}")
-        if not -1 <= self.slowest < self.fastest <= 1:
-            raise ConfigError(
-                "Planning: -1 <= slowest < fastest <= 1, "
-                f"not {self.slowest} and {self.fastest}"
-            )
 
 
 def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:

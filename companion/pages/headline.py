@@ -18,7 +18,7 @@ from companion.figures.curves import figure3
 from companion.figures.paths import figure4
 from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
-from companion.pages.glue import glued, outputs
+from companion.pages.page import glued, outputs
 from companion.statistics import claims
 from companion.statistics.savings import savings
 from companion.studies.decisive import verdicts

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from companion.statistics.data_ratio import data_ratio
-from companion.statistics.efficiency import efficiency
+from companion.statistics.efficiency import data_ratio, efficiency
 from companion.statistics.intervals import (
     bootstrap,
     leave_one_out,

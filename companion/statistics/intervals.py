@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ownrobot.comparison.statistics import CONFIDENCE, Interval, mean_interval
+from ownrobot.comparison.statistics import CONFIDENCE, Interval
 
 RESAMPLES = 2000
 #: For a verdict. The interval of two seeds reaches 13 standard errors to either side.
@@ -65,11 +65,6 @@ def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
     error = np.sqrt((count - 1) * others.var()) if np.isfinite(others).all() else np.nan
     reach = float(stdtrit(count - 1, 0.5 + CONFIDENCE / 2) * error)
     return Interval(value, value - reach, value + reach)
-
-
-def student(values: np.ndarray) -> Interval:
-    """Mean of values (S,), one a seed, with Student's interval; NaN with one seed."""
-    return mean_interval(values)
 
 
 def p_value(ratio: Interval, seeds: int) -> float:

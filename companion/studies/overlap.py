@@ -89,8 +89,8 @@ def neighbourhoods(
     }
 
 
-def measure(study: Study, results: Path) -> None:
-    """Measure both systems of a study and write NAME in the folder `results`."""
+def make(study: Study, workers: int) -> None:
+    """Measure and store, for `companion run --figure overlap`, in one process."""
     measured: dict[str, dict[str, list[float]]] = {}
     for system in PAPER_SYSTEMS:
         loaded = {
@@ -105,7 +105,7 @@ def measure(study: Study, results: Path) -> None:
             for role, values in neighbourhoods(expert, novice, queries).items()
         }
     made = {"preset": study.preset.name, "numerics": versions("simulation")}
-    write_record(results / NAME, {**measured, **made})
+    write_record(study.results / NAME, {**measured, **made})
 
 
 def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
@@ -118,8 +118,3 @@ def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
         for system in PAPER_SYSTEMS
         if system in stored
     }
-
-
-def make(study: Study, workers: int) -> None:
-    """Measure and store, for `companion run --figure overlap`, in one process."""
-    measure(study, study.results)

@@ -196,16 +196,15 @@ def pair_motions(
         yield pair, recorded_motion(expert), recorded_motion(novice)
 
 
-def measure(data: Path, results: Path, executor: Executor) -> None:
-    """Measure the gap of every pair and write NAME in the folder `results`."""
-    measured = {
-        pair: {
-            name: float(f"{value:.5g}") for name, value in gap(expert, novice).items()
-        }
-        for pair, expert, novice in pair_motions(data, executor)
-    }
+def make(study: Study, workers: int) -> None:
+    """Measure and store the gap of every pair, for `companion run --figure payoff`."""
+    measured = {}
+    with local_pool(workers) as pool:
+        for pair, *motions in pair_motions(study.data, pool):
+            errors = gap(*motions)
+            measured[pair] = {name: float(f"{errors[name]:.5g}") for name in errors}
     record = {"found": measured, "numerics": versions("free_struts")}
-    write_record(results / NAME, record)
+    write_record(study.results / NAME, record)
 
 
 def gaps(results: Path | str = "results") -> pd.DataFrame:
@@ -330,9 +329,3 @@ def figure(table: pd.DataFrame) -> Figure:
         finish(axes, (1, 1.5, 2, 3, 5), legend=False)
     legend_below(figure, panels)
     return figure
-
-
-def make(study: Study, workers: int) -> None:
-    """Measure and store the gaps, for `companion run --figure payoff`."""
-    with local_pool(workers) as pool:
-        measure(study.data, study.results, pool)

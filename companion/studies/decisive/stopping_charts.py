@@ -11,8 +11,8 @@ from typing import Any
 import altair as alt
 from matplotlib.figure import Figure
 
+from companion.figures.interactive import themed
 from companion.figures.style import html_picture, json_script
-from companion.figures.themed import themed
 from companion.studies.decisive.figures import RECIPE_STYLES
 from companion.studies.decisive.verdicts import END
 

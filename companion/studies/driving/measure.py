@@ -24,7 +24,7 @@ from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import COMPARED
 from companion.study import Study
 from companion.trials import Trial
-from sidm.config import ConfigError, config
+from sidm.config import config
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.model import Predictor
 from sidm.systems import find_system
@@ -52,13 +52,6 @@ class DriverTest:
     planning: Planning | None  # None for the driver that does not plan
     episodes: tuple[int, ...]  # numbers of the episodes
     longest: float  # s, length of an episode at most
-
-    def __post_init__(self) -> None:
-        """Refuse a test without an episode."""
-        if not self.episodes or min(self.episodes) < 0:
-            raise ConfigError(
-                f"DriverTest.episodes must be numbers from 0 on, not {self.episodes}"
-            )
 
 
 @config

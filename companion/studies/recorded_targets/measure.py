@@ -6,7 +6,6 @@ results/recorded_targets yet.
 
 from __future__ import annotations
 
-import functools
 import itertools
 import time
 from collections.abc import Sequence
@@ -191,11 +190,6 @@ def jobs(
     return transfers
 
 
-#: `load_recorded`, which reads the recordings once for all trainings of a process; the
-#: checksum among its arguments identifies them.
-_recorded = functools.lru_cache(maxsize=1)(load_recorded)
-
-
 def measure(
     about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings"
 ) -> TransferResult:
@@ -206,7 +200,7 @@ def measure(
     """
     timer, pixels = ProvenanceTimer("elsewhere", about, data), about.network.pixels
     with one_thread():
-        recorded = _recorded(
+        recorded = load_recorded(
             about.system, about.held_out, pixels, recordings, about.recorded_data
         )
         expert = dataset_windows(about.expert, data, pixels)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -54,6 +55,7 @@ class Recorded(NamedTuple):
         return self.motion.take(self.validation_numbers)
 
 
+@functools.lru_cache(maxsize=1)  # once for all trainings; the checksum identifies them
 def load_recorded(
     system: str,
     held_out: int,
