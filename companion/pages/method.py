@@ -44,11 +44,7 @@ TURN = 0.5  # rad/s, of both
 
 
 def training_figure(trained: Mapping[str, Trained]) -> Figure:
-    """Losses of trainings and the discriminator's accuracy against samples seen.
-
-    Args:
-        trained: name of a method -> its training, with `sidm` among them.
-    """
+    """Losses of trainings, one of them `sidm`, and the discriminator's accuracy."""
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(8.2, 4.4), layout="constrained", width_ratios=(5, 4)
     )
@@ -115,11 +111,7 @@ def circles(heights: np.ndarray) -> Tensor:
 def map_figure(heights: np.ndarray, states: Tensor, step: int, pixels: int) -> Figure:
     """A drive over ground from above, and what the network sees at one of its steps.
 
-    Args:
-        heights: (H, W), m, of the ground.
-        states: (T + 1, 13), of the drive.
-        step: of the drive.
-        pixels: along a side of the height map.
+    The ground has heights (H, W), m, the drive states (T + 1, 13).
     """
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.2, 3.7), layout="constrained")
     state, reach = states[step], ROVER.map_size / 2

@@ -72,12 +72,7 @@ def table(
     """Losses and costs of each method, one row per system, size and method.
 
     Losses are divided on one motion, where the paper's method was repeated on the
-    other's.
-
-    Args:
-        frame: stored results, at most one per system, size, method and seed.
-        results: folder of the results.
-        paces: method -> seconds per 1,000 samples, from `throughput.read`.
+    other's. Two results of one point raise ValueError.
 
     Returns:
         Rows in the order of METHODS: `seeds`; mean `loss`, `lowest` and `highest`; mean
@@ -85,9 +80,6 @@ def table(
         method's pace, or, where it has none, as long as the trials took beside whatever
         ran at that time; and the ratio of the loss to that of each of the paper's
         methods with its interval, `to_sidm`, `to_sidm_low` and so on.
-
-    Raises:
-        ValueError: two results stand for the same point.
     """
     frame = frame.assign(
         samples=frame.samples + frame.pretraining_samples,

@@ -35,10 +35,9 @@ UNCHANGED = "as in Figure 3"
 def changed(
     study: Study, system: str, choices: Choices = CHOICES
 ) -> dict[str, list[Trial]]:
-    """The trials of a system with each of the choices changed.
+    """The trials of a system with each of the choices changed, by the choice.
 
-    Returns:
-        Choice -> its trials: of CHOICES on a small dataset, of RELEASED at every size.
+    Those of CHOICES are on a small dataset, those of RELEASED at every size.
     """
     small = study.preset.ablation_minutes[:1]
     every = study.preset.novice_minutes(system)
@@ -78,14 +77,10 @@ def frame(
 def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Ratios of the losses with a choice changed to the losses of Figure 3.
 
-    Args:
-        frame: made by `frame`.
-        results: folder of the results, whose repeated trials of Figure 3 stand in where
-            the changed ones ran on motion that was simulated again.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per system, method, size and
-        choice; a ratio above 1 means that the choice of Figure 3 is better.
+    Repeated trials of Figure 3 in `results` stand in where the changed ones ran on
+    motion that was simulated again. The table is made by `pairs.paired_comparison`, one
+    row per system, method, size and choice; a ratio above 1 means that the choice of
+    Figure 3 is better.
     """
     return paired_comparison(
         frame[frame.choice != UNCHANGED],

@@ -169,15 +169,9 @@ def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
 def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Ratios of the losses of changed SIDMs to the losses of the unchanged SIDM.
 
-    A pair is on one motion, where the unchanged SIDM was repeated on the other's.
-
-    Args:
-        frame: made by `frame`.
-        results: folder of the results.
-
-    Returns:
-        A table of `pairs.paired_comparison` with a `verdict`, sorted by system, size
-        and ratio, the lowest ratio first.
+    A pair is on one motion, where the unchanged SIDM was repeated on the other's. The
+    table is made by `pairs.paired_comparison`, with a `verdict`, sorted by system, size
+    and ratio, the lowest ratio first.
     """
     sidm = frame.change == UNCHANGED
     changed, by = frame[~sidm], ["hypothesis", "change"]
@@ -190,12 +184,7 @@ def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
 def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
     """Ratio of the novice's loss through the expert's parts to that through its own.
 
-    Args:
-        diagnoses: one row per model, with its `validation_loss` and the columns that
-            CROSSED names.
-
-    Returns:
-        A table of `pairs.paired_comparison`, whose `change` is a text of CROSSED.
+    `diagnoses` have one row per model. The `change` is a text of CROSSED.
     """
     crossed = [
         diagnoses.assign(validation_loss=diagnoses[column], change=parts)
@@ -205,15 +194,11 @@ def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Changes sorted by the least ratio that they reach.
+    """Changes sorted by the least ratio that they reach, of the rows of `table`.
 
-    Args:
-        table: made by `table`; comparisons without an interval are left out.
-
-    Returns:
-        One row per hypothesis and change: the number of `comparisons`, in how many of
-        them the change is `better` or `worse` (the whole interval lies on one side of
-        1), and the `least` and `greatest` ratio.
+    One row per hypothesis and change: the number of `comparisons` with an interval, in
+    how many of them the change is `better` or `worse` (the whole interval lies on one
+    side of 1), and the `least` and `greatest` ratio.
     """
     clear = table[table.verdict != NO_VERDICT]
     clear = clear.assign(better=clear.verdict == BETTER, worse=clear.verdict == WORSE)

@@ -86,14 +86,10 @@ def tries(study: Study, system: str) -> list[Trial]:
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of all methods' losses to those of training without SIDM.
+    """Ratios of all methods' losses to those of training without SIDM, without tries.
 
-    The tries of learning rates are left out.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per method, network size and
-        `learning_rate` of training from random weights; below 1 where the method is
-        better.
+    The table is made by `pairs.paired_comparison`, one row per method, network size and
+    `learning_rate` of training from random weights; below 1 where the method is better.
     """
     frame = frame[frame.seed < TUNING_SEED]
     first_rate = frame.pretraining_learning_rate.fillna(frame.learning_rate)

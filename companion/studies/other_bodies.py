@@ -32,11 +32,10 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of SIDM's losses to those of the other methods.
+    """Ratios of SIDM's losses to those of the other methods; below 1 SIDM is better.
 
-    Returns:
-        A table of `pairs.paired_comparison`, one row per novice, size and other method,
-        which is in the column `against`; below 1 where SIDM is better.
+    The table is made by `pairs.paired_comparison`, one row per novice, size and other
+    method, which is in the column `against`.
     """
     point = ["system", "novice_body", "novice_minutes"]
     sidm, parts = frame[frame.method == "sidm"], []

@@ -157,11 +157,9 @@ def _twist(commands: np.ndarray, motions: np.ndarray) -> np.ndarray:
 def gap(expert: PlanarMotion, novice: PlanarMotion) -> dict[str, float]:
     """Errors of motions predicted from the expert's and the novice's samples.
 
-    Both predictions use the same number of samples.
-
-    Returns:
-        Mean errors over a second, m and rad: `displacement` and `heading` from
-        the expert's samples, `own_displacement` and `own_heading` from the novice's.
+    Both predictions use the same number of samples. Means over a second, m and rad:
+    `displacement` and `heading` from the expert's samples, `own_displacement` and
+    `own_heading` from the novice's.
     """
     experts, novices = motion_samples(expert), motion_samples(novice)
     queries = novices.trajectories % QUERY_EVERY == 0
@@ -207,25 +205,23 @@ def pair_motions(
         yield pair, recorded_motion(expert), recorded_motion(novice)
 
 
-def measure(data: Path, results: Path, executor: Executor) -> None:
-    """Measure the gap of every pair and write NAME in the folder `results`."""
-    measured = {
-        pair: {
-            name: float(f"{value:.5g}") for name, value in gap(expert, novice).items()
-        }
-        for pair, expert, novice in pair_motions(data, executor)
-    }
+def make(study: Study, workers: int) -> None:
+    """Measure and store the gap of every pair, for `companion run --figure payoff`."""
+    measured = {}
+    with local_pool(workers) as pool:
+        for pair, *motions in pair_motions(study.data, pool):
+            errors = gap(*motions)
+            measured[pair] = {name: float(f"{errors[name]:.5g}") for name in errors}
     record = {"found": measured, "numerics": versions("free_struts")}
-    write_record(results / NAME, record)
+    write_record(study.results / NAME, record)
 
 
 def gaps(results: Path | str = "results") -> pd.DataFrame:
     """The stored gaps as a table, without rows if none are stored.
 
-    Returns:
-        One row per `pair`: the errors that `gap` returns; the expert's divided by the
-        novice's own, `displacement_ratio` and `heading_ratio`; and `gap`, their
-        geometric mean: 1 where the expert predicts as well as the novice itself.
+    One row per `pair`: the errors that `gap` returns; the expert's divided by the
+    novice's own, `displacement_ratio` and `heading_ratio`; and `gap`, their geometric
+    mean: 1 where the expert predicts as well as the novice itself.
     """
     stored = read_or_empty(Path(results) / NAME).get("found", {})
     names = ["displacement", "heading", "own_displacement", "own_heading"]
@@ -272,14 +268,9 @@ class Group(NamedTuple):
 def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
     """Novice data of training without SIDM divided by each method's, at equal loss.
 
-    The method has about a minute of the novice's motion.
-
-    Args:
-        groups: kind of pairs -> their results.
-
-    Returns:
-        A table of `savings`, one row per `kind`, `system` and method that has results,
-        with the `pair` whose gap belongs to the row.
+    The method has about a minute of the novice's motion. The table is made by
+    `savings`, one row per `kind`, `system` and method that has results, with the `pair`
+    whose gap belongs to the row.
     """
     parts = []
     for kind, (frame, size, value, pair, held_out) in groups.items():
@@ -293,11 +284,8 @@ def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
 def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """Fine-tuning after one expert of the family, as results like those of Figure 3.
 
-    Training without SIDM stands beside it; both have the system 'family'.
-
-    Args:
-        frame: results of Figure 3.
-        table: the table of several experts.
+    Training without SIDM stands beside it, from the `frame` of Figure 3; both have the
+    system 'family'. `table` is that of several experts.
     """
     member = table[(table.experts == family_results.MEMBER) & (table.way == "all")]
     losses = member.rename(columns={"loss": "validation_loss"})
@@ -336,14 +324,7 @@ def groups(
 
 
 def table(gaps: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
-    """Gap and saving of each pair, the smallest gap first.
-
-    Pairs whose gap or saving is not known are left out.
-
-    Args:
-        gaps: made by `gaps`.
-        saved: made by `saved`.
-    """
+    """Gap and saving of each pair that has both, the smallest gap first."""
     names = ["kind", "system", "pair", "method", "gap"]
     names += ["seeds", "ratio", "low", "high", "bound"]
     rows = saved.merge(gaps, on="pair").sort_values(["gap", "system", "method"])
@@ -373,9 +354,3 @@ def _row(row: Any) -> str:
     """The name of a pair's row, with its gap."""
     pair = "system 1, family" if row.system == "family" else system_label(row.system)
     return f"{pair} (gap {row.gap:.1f})"
-
-
-def make(study: Study, workers: int) -> None:
-    """Measure and store the gaps, for `companion run --figure payoff`."""
-    with local_pool(workers) as pool:
-        measure(study.data, study.results, pool)

@@ -152,9 +152,8 @@ def _name(chosen: Draw) -> str:
 def read(results: Path | str) -> pd.DataFrame:
     """The stored draws, from the best of each method to the worst.
 
-    Returns:
-        `method`, `number`, `novice` and `expert` (each a Growth or None), and `score`,
-        the geometric mean over the splits of the loss by that of least squares.
+    They have `method`, `number`, `novice` and `expert` (each a Growth or None), and
+    `score`, the geometric mean over the splits of the loss by that of least squares.
     """
     stored = read_or_empty(Path(results) / NAME)
     rows = []

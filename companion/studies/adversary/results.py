@@ -40,9 +40,6 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Means over seeds: a row per system, way of matching and strength.
 
     Each way begins with its weakest strength, which is no matching.
-
-    Args:
-        frame: records of the study.
     """
     parts = []
     for way, strengths in STRENGTHS_OF.items():
@@ -73,11 +70,7 @@ def _strength(row: Any) -> str:
 
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """Loss and accuracies of classifiers against the strength, a row for each way.
-
-    Args:
-        table: made by `table`.
-    """
+    """Loss and accuracies of classifiers against the strength, a row for each way."""
     groups = list(table.groupby(["way", "system"]))
     drawn, panels = side_by_side(2 * max(len(groups), 1), 2)
     for row, ((way, system), means) in enumerate(groups):

@@ -71,10 +71,7 @@ def page_table(frame: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
 
 @styled
 def figure(frame: pd.DataFrame) -> Figure:
-    """Latents of both systems in the plane of their first two principal components.
-
-    A panel per model, two in a row.
-    """
+    """Latents of both systems by two principal components, a panel a model."""
     order = ["system", "novice_minutes", "method"]
     rows = list(frame.sort_values(order).itertuples())
     count = max(len(rows), 1)

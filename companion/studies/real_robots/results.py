@@ -71,18 +71,11 @@ def long(frame: pd.DataFrame) -> pd.DataFrame:
 def table(
     frame: pd.DataFrame, value: str = "loss", against: str = "novice_only"
 ) -> pd.DataFrame:
-    """Every method compared with another, seed by seed.
+    """Every method compared with another, seed by seed, by the loss or an error.
 
-    The intervals take into account that the seeds split the same sessions.
-
-    Args:
-        frame: of records.
-        value: 'loss', or an open-loop error after 1.5 s.
-        against: the method that the others are compared with.
-
-    Returns:
-        As `pairs.paired_comparison`, with `sessions` as the size; a ratio below 1 says
-        that the method predicts better.
+    The intervals take into account that the seeds split the same sessions. The table is
+    made by `pairs.paired_comparison`, with `sessions` as the size; a ratio below 1 says
+    that the method predicts better.
     """
     rows = long(frame)
     compared = paired_comparison(
@@ -144,14 +137,10 @@ def figure(
     value: str = "loss",
     floors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Figure:
-    """Means over seeds against minutes of the novice's motion.
+    """Means over seeds of a key of LABELS against minutes of the novice's motion.
 
-    A panel per pair, a curve per method.
-
-    Args:
-        frame: of records.
-        value: a key of LABELS.
-        floors: novice -> error due to the jitter of its pose alone, least and greatest.
+    A panel per pair, a curve per method. `floors` are the errors due to the jitter of a
+    novice's pose alone, least and greatest.
     """
     rows = long(frame)
     figure, (*panels, legend_panel) = side_by_side(len(PAIRS) + 1, 2)
