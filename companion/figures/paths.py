@@ -1,8 +1,6 @@
-"""Predicted paths: Figure 4 and its example."""
+"""Predicted paths: Figure 4."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -68,29 +66,12 @@ def mean_errors(frame: pd.DataFrame) -> pd.DataFrame:
     return means
 
 
-class Example(NamedTuple):
-    """Figure 4's example beside all test trajectories, m.
-
-    The distances are from the robot's last position to those that the models of one
-    seed predict.
-    """
-
-    driven: float  # length of the robot's path
-    nearest: float  # smallest distance
-    farthest: float  # largest distance
-    mean: float  # mean distance over all test trajectories and trials
-
-
-def example(frame: pd.DataFrame, seed: int) -> Example | None:
-    """Figure 4's example with the models of a seed; None if they are not stored."""
-    shown = frame[frame.seed == seed]
-    if not len(shown):
-        return None
-    actual = np.array(shown.example_actual.iloc[0])
-    distances = [
-        float(np.linalg.norm(path[-1] - actual[-1]))
-        for path in map(np.array, shown.example_predicted)
-    ]
-    driven = float(np.linalg.norm(np.diff(actual, axis=0), axis=1).sum())
-    mean = float(frame.position_error.str[-1].astype(float).mean())
-    return Example(driven, min(distances), max(distances), mean)
+def page_table(frame: pd.DataFrame) -> pd.DataFrame:
+    """`mean_errors` of each system with the headings of a page."""
+    if not len(frame):
+        return pd.DataFrame()
+    parts = {name: mean_errors(rows) for name, rows in frame.groupby("system")}
+    table = pd.concat(parts, names=["system"]).reset_index()
+    labels = table.method.map(lambda name: METHOD_STYLES[name]["label"])
+    table = table.assign(method=labels)
+    return table.rename(columns={"novice_minutes": "novice data (min)"})

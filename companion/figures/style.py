@@ -83,12 +83,6 @@ LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
 LOSS_BY_SIZE = dict(
     xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL
 )
-#: Bound, marker, colour and label of a data-efficiency ratio.
-EFFICIENCY_MARKS = (
-    ("=", "o", "#0072B2", "ratio"),
-    (">=", "^", "#D55E00", "at least"),
-    ("<=", "v", "#009E73", "at most"),
-)
 
 
 def html_picture(figure: Figure, words: str) -> str:

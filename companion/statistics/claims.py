@@ -189,6 +189,18 @@ def figure4_claims(
     return claim_rows(table, claims, "less (Figure 4)", unit="m")
 
 
+def figure4_text(frame: pd.DataFrame, minutes: float) -> str:
+    """The deviation after 2.5 s with SIDM minus that without, in m, as a text.
+
+    Args:
+        frame: results of Figure 4 of one system.
+        minutes: of novice data.
+    """
+    found = figure4_claims(frame, (minutes,))[["value", "low", "high"]]
+    texts = [Interval(*row).text(2) for row in found.itertuples(index=False)]
+    return texts[0] if texts else "not run"
+
+
 def page_table(table: pd.DataFrame) -> pd.DataFrame:
     """A table of claims with the columns and headings of a page."""
     names = {

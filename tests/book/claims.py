@@ -508,6 +508,16 @@ CLAIMS = [
     ),
     Claim(
         "notebooks/04-figure3.ipynb",
+        "an SIDM pays only after millions of samples",
+        early_nothing,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
+        "Until some 2 million samples, the SIDM is ahead",
+        short_saves,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
         "Fine-tuning the expert's model is far ahead of both",
         finetuning_far_ahead,
     ),

@@ -55,16 +55,22 @@ def figure(
 ) -> Figure:
     """Figure 4 under recipe R, of the rows of `table`: a row per system.
 
-    Left: distance of the predicted from the actual position over time, the mean over
-    seeds with its standard error. Right: a stored drive from above, by default that of
-    `median_drive`, with the paths that the models of a seed predict.
+    One plot has the distance of the predicted from the actual position over time, the
+    mean over seeds with its standard error; the other a drive from above.
+
+    Args:
+        rows: rows of `table`.
+        drive: number of a stored drive, 0 to 2; None: that of `median_drive`.
+        seed: of the models that predict the drive.
+        systems: rows of the figure.
     """
     figure, panels = side_by_side(2 * len(systems), 2)
     for left, right, system in zip(panels[::2], panels[1::2], systems, strict=True):
         shown = rows[rows.system == system]
         left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
         left.set_title(f"{system_label(system)}: all test drives")
-        right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
+        right.set(xlabel="x (m)", ylabel="y (m)")
+        right.set_title(f"{system_label(system)}: one of them from above")
         if len(shown):
             _draw_deviations(left, shown)
             number = median_drive(shown) if drive is None else drive
