@@ -41,11 +41,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status; an error is one line on stderr.
-
-    Args:
-        arguments: the command and its options; by default those of the process.
-    """
+    """Run a command and return its exit status; an error is one line on stderr."""
     return carry_out(build_parser(), arguments)
 
 

@@ -86,13 +86,7 @@ def carry_out(
 ) -> int:
     """Run the command that `arguments` name and return its exit status.
 
-    Args:
-        parser: knows the commands; `command_adder` added them.
-        arguments: the command and its options; by default those of the process.
-
-    Returns:
-        The command's own exit status, 1 or 2 after an error, which is one line on
-        stderr.
+    After an error, which is one line on stderr, that is 1 or 2.
     """
     parsed = parser.parse_args(arguments)
     try:

@@ -17,7 +17,12 @@
     saving: "What an SIDM with 5 minutes saves",
     search: "The search for settings",
   };
-  const RULES = { "the end": "At the end", "the first rise": "At the first rise" };
+  const RULES = {
+    "first rise": "Stopped at the first rise of the test loss",
+    patience: "Stopped by patience",
+    released: "Stopped by the released rule",
+    end: "At the end of training",
+  };
   const FLOOR = 0.01; // where the band of a saving without a lower bound ends, below the axis
   const CEILING = 1000;
 
@@ -83,13 +88,17 @@
 
     function words() {
       const stopped = state.rule
-        ? (RULES[state.rule] ?? `By the rule of ${state.rule.replace("'s", "")}`)
+        ? RULES[state.rule]
         : `Stopped after ${million(data.lengths[state.stop])} samples`;
       const needed = times(saving(`data ${data.minutes}`));
       const ratio = times(saving(`loss ${state.minutes}`));
+      const bound = state.rule && recipe().rules[state.rule].bound;
+      const unknown = bound
+        ? `${stopped}, the data ratio of an SIDM with ${data.minutes} minutes is ${bound}.`
+        : `${stopped}, some seeds give no data ratio.`;
       const first = needed
         ? `${stopped}, training without an SIDM needs ${needed} the data of an SIDM with ${data.minutes} minutes.`
-        : `${stopped}, the trainings do not tell how much data an SIDM saves.`;
+        : unknown;
       return ratio && specs.losses ? `${first} With ${state.minutes} min, the loss with an SIDM is ${ratio} that without one.` : first;
     }
 

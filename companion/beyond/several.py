@@ -29,13 +29,7 @@ Weights = Mapping[str, Tensor]  # weights and buffers by name
 
 
 class SeveralSampler(Sampler):
-    """Draws from several experts with equal probability.
-
-    Args:
-        windows: training windows by expert.
-        training: how batches are drawn.
-        seed: of all draws.
-    """
+    """Draws from the windows of several experts with equal probability."""
 
     one_curve = True
 
@@ -48,10 +42,7 @@ class SeveralSampler(Sampler):
         self.generators |= {role: generator(seed, role) for role in windows}
 
     def batch_indices(self) -> dict[str, Tensor]:
-        """Indices of the windows of a batch, (b,) by expert, for Algorithm 1.
-
-        All experts have equal probability. Experts without a window are left out.
-        """
+        """Indices of a batch's windows, (b,) by expert, for experts that have any."""
         roles, count = list(self.windows), self.training.batch
         source = self.generators["system"]
         expert = torch.randint(len(roles), (count,), generator=source)
@@ -72,9 +63,7 @@ def several_trainer(
     """A model of several experts in training.
 
     Three of four windows of each expert are for training, one is for the test loss.
-
-    Raises:
-        ConfigError: settings with a novice, or with hooks of the training loop.
+    Settings with a novice, or with hooks of the training loop, raise ConfigError.
     """
     if training.needs_expert or training.hooks():
         raise ConfigError(
@@ -115,18 +104,8 @@ def train_several(
 ) -> Trained:
     """Train one SIDM, and an encoder and a decoder for each expert, by Algorithm 1.
 
-    Training stops when the mean of the experts' test losses rises.
-
-    Args:
-        experts: motion by name.
-        network: sizes of the networks.
-        training: settings, without a novice: p_expert=0 and regularise=False.
-        seed: of the splits, the initial weights and the batches.
-        standardisation: units inside the networks.
-
-    Raises:
-        ConfigError: settings with a novice.
-        TrainingError: a test found a loss that is not finite.
+    Training stops when the mean of the experts' test losses rises. Settings with a
+    novice raise ConfigError; a loss that is not finite, TrainingError.
     """
     return learn(several_trainer(experts, network, training, seed, standardisation))
 

@@ -215,15 +215,9 @@ def contents() -> dict[str, Any]:
 
 
 def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
-    """The pieces that the pages load when they need them.
+    """Name and content, of JSON types, of the pieces that pages load when needed.
 
-    Args:
-        grid: the stored rides.
-        scenes: folder of the replay's scenes.
-
-    Yields:
-        Name and content of each piece, of JSON types: scenes, the drives of one robot
-        with held or free struts, and grounds.
+    They are scenes, the drives of one robot with held or free struts, and grounds.
     """
     for path in sorted(scenes.glob("scene-*.npz")):
         yield path.stem, scene_json(read_scene(path))
@@ -237,13 +231,7 @@ def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
 
 
 def write(folder: Path, grid: Grid, scenes: Path = FOLDER) -> None:
-    """Write the page's scripts: vega.js, data.js, the replay's, and the pieces.
-
-    Args:
-        folder: folder that the scripts are written to.
-        grid: the stored rides.
-        scenes: folder of the replay's scenes.
-    """
+    """Write the page's scripts: vega.js, data.js, the replay's, and the pieces."""
     folder.mkdir(parents=True, exist_ok=True)
 
     def put(name: str, script: str) -> None:

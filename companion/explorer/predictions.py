@@ -42,13 +42,7 @@ WARTHOG_DRIVE = 23  # index of the drive; it turns more than most
 
 
 def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
-    """Simulate the start of a collected trajectory again, with struts and joints.
-
-    Args:
-        collection: the collection that the trajectory belongs to.
-        index: number of the trajectory.
-        steps: number of control steps.
-    """
+    """Simulate the start of a collected trajectory again, with struts and joints."""
     from sidm.simulation import Simulator, simulate_trajectory
     from sidm.simulation.collecting import draw_attempt
     from sidm.systems import find_system
@@ -72,16 +66,10 @@ def predicted_track(
     colour: str,
     height: float = 0.0,
 ) -> Track:
-    """The track of a ghost that moves through predicted states.
+    """The track of a ghost that moves through predicted states (K + 1, 13).
 
-    Args:
-        states: (K + 1, 13), one per control step; or (K + 1, 2), x and y, m: then the
-            ghost lies on the ground and faces along its path.
-        ground: the ground under the ghost.
-        skeleton: shape of the robot.
-        name: name of the model.
-        colour: colour of the ghost.
-        height: height of the body above the ground where only x and y are known, m.
+    Where they are x and y alone, (K + 1, 2), the ghost lies on the ground, its body
+    `height` m above it, and faces along its path.
     """
     base, track, radius = ROVER_WHEELS
     if states.shape[1] == 2:
@@ -98,14 +86,9 @@ def predicted_track(
 def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
     """The first rollout of Figure 4: the robot, and the paths that models predict.
 
-    Args:
-        rows: rows of the results store for one system; the trials with SEED and METHODS
-            are shown.
-        minutes: the novice data that the models were trained on.
-
-    Raises:
-        ValueError: no such row is stored, or the robot's path differs from its path at
-            the time of these trials.
+    Of the rows of a system, the trials with SEED, METHODS and so many minutes are
+    shown. ValueError says that none is stored, or that the robot's path differs from
+    its path at the time of these trials.
     """
     from companion.figures.style import METHOD_STYLES
 
@@ -138,11 +121,7 @@ def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
 
 
 def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
-    """A drive of the real Warthog, and the path that a model predicts from its start.
-
-    Args:
-        recordings: folder with the recording and the stored model.
-    """
+    """A drive of the real Warthog, and the path that a model predicts for it."""
     drives = ownrobot.read_drives(
         recordings / "warthog.csv.gz", recordings / "skid_steer.yaml"
     )

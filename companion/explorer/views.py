@@ -40,10 +40,9 @@ AXLES = {"rear": (0, 1), "front": (2, 3)}  # right and left strut
 
 
 def rides_figure(rides: Mapping[str, Ride]) -> Figure:
-    """Height, tilt, strut travel and path of up to two rides.
+    """Height, tilt, strut travel and path of up to two rides by label.
 
-    Args:
-        rides: label -> ride; the ground of the first ride is drawn under the paths.
+    The ground of the first ride is drawn under the paths.
     """
     with plt.style.context(STYLE):
         figure, plots = plt.subplot_mosaic(

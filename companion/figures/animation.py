@@ -31,13 +31,8 @@ LINES = ("-", "--", ":")  # line style by size of the novice data
 def rollout_film(frame: pd.DataFrame, heights: np.ndarray, seed: int = 0) -> bytes:
     """An animated GIF of the example of Figure 4, in real time, seen from above.
 
-    Args:
-        frame: results of one system, with the trials of the example.
-        heights: (H, W), m, the ground of the example; higher ground is darker.
-        seed: of the trials whose predictions are shown.
-
-    Raises:
-        ValueError: no result has that seed.
+    The ground has heights (H, W), m; higher ground is darker. ValueError says that no
+    result of the system has that seed.
     """
     shown = frame[frame.seed == seed].sort_values("novice_minutes", kind="stable")
     if not len(shown):
@@ -60,14 +55,10 @@ def film(
     heights: np.ndarray,
     goal: np.ndarray | None = None,
 ) -> bytes:
-    """An animated GIF of paths in real time.
+    """An animated GIF of paths (K + 1, 2), m, in real time.
 
-    Args:
-        paths: (K + 1, 2) each, m, at the control steps; a shorter path stays at its
-            end.
-        styles: of the paths' lines, each with a label.
-        heights: (H, W), m, the ground; higher ground is darker.
-        goal: (2,) m, to be marked.
+    A shorter path stays at its end; each has a style with a label. The ground has
+    heights (H, W), m; a goal (2,) is marked.
     """
     longest = max(len(path) for path in paths)
     padded = [

@@ -18,12 +18,8 @@ from sidm.plots import finish, side_by_side, styled
 def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     """Figure 4: deviation of predicted from actual paths over time, and an example.
 
-    The example is seen from above.
-
-    Args:
-        frame: results of one system; lines are means over the trials, shades their
-            standard error.
-        seed: of the trials whose paths the example shows.
+    Lines are means over the trials of one system, shades their standard error. The
+    example, seen from above, has the paths of the trials of a seed.
     """
     figure, (left, right) = side_by_side(2)
     left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
@@ -60,12 +56,8 @@ STEPS = {"0.5 s (m)": 4, "1 s (m)": 9, "2.5 s (m)": 24}
 def mean_errors(frame: pd.DataFrame) -> pd.DataFrame:
     """Mean errors of predicted paths, by size of the novice's data and method.
 
-    Args:
-        frame: results of one system.
-
-    Returns:
-        Columns: `trials`, their number; the distances from the actual positions after
-        the times STEPS; the error of the heading after the last of them.
+    Columns, for one system: `trials`, their number; the distances from the actual
+    positions after the times STEPS; the error of the heading after the last of them.
     """
     errors = {name: frame.position_error.str[k] for name, k in STEPS.items()}
     headings = np.degrees(frame.heading_error.str[24].astype(float))
@@ -90,12 +82,7 @@ class Example(NamedTuple):
 
 
 def example(frame: pd.DataFrame, seed: int) -> Example | None:
-    """Figure 4's example with the models of a seed; None if they are not stored.
-
-    Args:
-        frame: results of one system.
-        seed: of the models.
-    """
+    """Figure 4's example with the models of a seed; None if they are not stored."""
     shown = frame[frame.seed == seed]
     if not len(shown):
         return None

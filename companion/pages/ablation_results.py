@@ -25,11 +25,8 @@ ITERATIONS = "iterations"
 class Ablations:
     """Ablations by the name of their setting, each with Figure 3's value.
 
-    Args:
-        study: preset, data and results.
-        systems: the pairs of robots.
-        values: ablated setting -> its values, as in `ablations.with_usual`.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    `values` are those of each setting, as in `ablations.with_usual`; sizes are those of
+    the preset's ablations by default.
     """
 
     def __init__(

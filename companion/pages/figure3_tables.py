@@ -33,12 +33,7 @@ HOURS = {
 
 
 def losses(frame: pd.DataFrame, systems: Sequence[str]) -> pd.DataFrame:
-    """Losses as texts, mean (smallest, largest): a row a size, a column a method.
-
-    Args:
-        frame: results of Figure 3.
-        systems: pairs of robots, in their order in the table.
-    """
+    """Losses as texts, mean (smallest, largest): a row a size, a column a method."""
     means = loss_summary(frame, POINT)
     columns = means[["mean", "minimum", "maximum"]].itertuples(index=False)
     texts = ["{:.3f} ({:.2f}, {:.2f})".format(*line) for line in columns]
@@ -55,13 +50,9 @@ def little_data(
 ) -> pd.DataFrame:
     """Losses of an SIDM tuned for little data beside others', on the same seeds.
 
-    Args:
-        frame: results of Figure 3.
-        little: made by `tuning.little_data_results`.
-        saved: a table of `statistics.savings`, the SIDM's own among them.
-
-    Returns:
-        A row per pair of robots and size, with the data that the SIDM saves.
+    A row per pair of robots and size, with the data that the SIDM saves. `little` is
+    made by `tuning.little_data_results`; `saved`, by `statistics.savings`, has the
+    SIDM's own.
     """
     tuned = little[little.method == "sidm" + FOR_LITTLE]
     others = {
@@ -128,14 +119,8 @@ def _sizes(preset: Preset, systems: Sequence[str]) -> dict[str, object]:
 def components(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     """Errors of the 13 components with the least and the most novice data.
 
-    The last line is the angular velocities' share of the loss.
-
-    Args:
-        frame: results of Figure 3.
-        system: of these results.
-
-    Returns:
-        A column per size and method; no rows where no size has both methods.
+    The last line is the angular velocities' share of the loss. There is a column per
+    size and method; no rows where no size has both methods.
     """
     trained = frame[(frame.system == system) & frame.method.isin(COMPARED)]
     methods = trained.groupby("novice_minutes").method.nunique()
@@ -165,13 +150,7 @@ def hours(study: Study, store: Results) -> pd.DataFrame:
 
 
 def not_run(frame: pd.DataFrame, study: Study, systems: Sequence[str]) -> pd.DataFrame:
-    """Studies that would be longer or larger, and their hours at the stored pace.
-
-    Args:
-        frame: results of Figure 3.
-        study: of these results.
-        systems: of these results.
-    """
+    """Studies that would be longer or larger, and their hours at the stored pace."""
     samples = frame.samples + frame.pretraining_samples
     pace = (frame.seconds / samples).median()  # s a sample, of one processor
     ours = sum(len(study.figure3(name)) for name in systems)

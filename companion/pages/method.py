@@ -47,11 +47,7 @@ SPEED, TURN = 1.0, 0.5  # m/s and rad/s, of a drive in a circle
 
 @styled
 def training_figure(trained: Mapping[str, Trained]) -> Figure:
-    """Losses of trainings and the discriminator's accuracy against samples seen.
-
-    Args:
-        trained: name of a method -> its training, with `sidm` among them.
-    """
+    """Losses of trainings, one of them `sidm`, and the discriminator's accuracy."""
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(8.2, 4.4), layout="constrained", width_ratios=(5, 4)
     )

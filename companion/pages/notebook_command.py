@@ -56,14 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_from_arguments(arguments: argparse.Namespace) -> int:
-    """Carry out `companion notebook`.
+    """Carry out `companion notebook`; returns the exit status, 0.
 
-    Returns:
-        The exit status, 0.
-
-    Raises:
-        ConfigError: an argument has a fault; no notebook was run.
-        NotebookError: a notebook failed.
+    ConfigError says that an argument has a fault, and no notebook was run;
+    NotebookError, that a notebook failed.
     """
     is_all = arguments.notebook == "all"
     paths = notebooks() if is_all else [find_notebook(arguments.notebook)]

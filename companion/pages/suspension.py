@@ -126,10 +126,8 @@ def changes_figure(
 ) -> Figure:
     """How far changes move a robot: a dot for each ground, and a bar for their mean.
 
-    Args:
-        rides: change in words -> the changed robot's ride on each ground.
-        unchanged: the robot's rides on the same grounds.
-        robots: number of changes to more than the suspension; they come first.
+    `rides` has, by change in words, the changed robot's ride on each ground,
+    `unchanged` the robot's. The first `robots` changes are to more than the suspension.
     """
     size = 9.6, 0.9 + 0.5 * len(rides)
     figure, axes = plt.subplots(1, 2, figsize=size, sharey=True, layout="constrained")

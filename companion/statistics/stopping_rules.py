@@ -16,14 +16,14 @@ from sidm.learning.stopping import (
 )
 
 #: Rules by name. The paper stops once the test loss 'started increasing indicating
-#: overfitting': the first rise is the strictest reading, which noise can end. The loss
+#: overfitting': first rise is the strictest reading, which noise can end. The loss
 #: is smoothed as in the released code. A
 #: rule that counts iterations of the released code counts 128 samples as one.
 RULES: dict[str, StoppingRule] = {
-    "the first rise": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
-    "this book's": StoppingRule(patience=150_000),
-    "the released code's": StoppingRule(stopping="released"),
-    "the end": StoppingRule(),
+    "first rise": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
+    "patience": StoppingRule(patience=150_000),
+    "released": StoppingRule(stopping="released"),
+    "end": StoppingRule(),
 }
 
 
@@ -45,14 +45,9 @@ def kept_of_trial(row: pd.Series, rule: StoppingRule) -> KeptWeights:
 def apply_rule(frame: pd.DataFrame, rule: StoppingRule) -> pd.DataFrame:
     """Apply a stopping rule to the trials that are stored with every test.
 
-    Args:
-        frame: results.
-        rule: the stopping rule.
-
-    Returns:
-        The rows of these trials with further columns: `kept_samples`, `kept_test` and
-        `kept_validation` of the kept weights; `seen`, the samples at the last test
-        before the end; `ended`, whether the rule ended the training.
+    Their rows have further columns: `kept_samples`, `kept_test` and `kept_validation`
+    of the kept weights; `seen`, the samples at the last test before the end; `ended`,
+    whether the rule ended the training.
     """
     whole = frame[frame.test_spacing > 0]
     kept = [kept_of_trial(row, rule) for _, row in whole.iterrows()]

@@ -61,14 +61,11 @@ MOST_DATA_P_EXPERT = 0.25
 
 
 def most_data(study: Study, system: str) -> dict[str, list[Trial]]:
-    """Trials on the largest novice dataset, where section 5 advises other settings.
+    """Trials on the largest novice dataset, by the description of each change of SIDM.
 
     Section 5 advises that the expert and the adversary count for less there. Patience
     is tried too because it counts the samples of both systems: at a p_e of 0.75 only a
     quarter of them are the novice's.
-
-    Returns:
-        Description of each change of SIDM -> its trials.
     """
     sizes = [max(study.preset.novice_minutes(system))]
     sidm = study.preset.training_of(METHODS["sidm"], system)
@@ -92,12 +89,7 @@ def most_data_trials(study: Study, system: str) -> list[Trial]:
 def proportional(preset: Preset, minutes: float) -> float:
     """The p_e proportional to the dataset sizes, which the paper advises against.
 
-    Args:
-        preset: gives the size of the expert dataset.
-        minutes: the size of the novice dataset.
-
-    Returns:
-        The expert's share of all trajectories, rounded to six digits.
+    It is the expert's share of all trajectories, rounded to six digits.
     """
     expert, novice = trajectories_for(preset.expert_minutes), trajectories_for(minutes)
     return round(expert / (expert + novice), 6)
@@ -111,11 +103,8 @@ def p_expert(
 ) -> list[Trial]:
     """Ablation of p_e; at 0 there is no regularisation, so no expert data is used.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        values: values of p_e; None stands for `proportional`.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    None among the `values` stands for `proportional`; `sizes`, min of novice data, are
+    those of the preset's ablations by default.
     """
     trials = []
     for minutes in sizes or study.preset.ablation_minutes:
@@ -137,18 +126,10 @@ def iterations(
     values: Iterable[int] | None = None,
     sizes: Sequence[float] = (),
 ) -> list[Trial]:
-    """Ablation of the iterations of one phase.
+    """Ablation of the iterations of one phase, a name of ITERATIONS.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        phase: a name of ITERATIONS.
-        values: numbers of iterations; those of ITERATIONS by default. 0 matching
-            iterations mean training without regularisation.
-        sizes: minutes of novice data; those of the preset's ablations by default.
-
-    Raises:
-        ConfigError: 0 iterations of another phase than matching.
+    0 matching iterations mean training without regularisation; 0 iterations of another
+    phase raise ConfigError.
     """
     sizes, trials = sizes or study.preset.ablation_minutes, []
     for value in ITERATIONS[phase] if values is None else values:
@@ -176,12 +157,7 @@ def setting(
 ) -> list[Trial]:
     """Ablation of a setting that both of the paper's methods have.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        name: the setting, a field of the training or of the network.
-        values: values of the setting.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    It is a field of the training or of the network.
     """
     sizes = sizes or study.preset.ablation_minutes
     return [
@@ -223,12 +199,7 @@ def with_usual(
 ) -> list[Trial]:
     """Ablation of any setting, with Figure 3's value for comparison.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        name: the setting, a key of ITERATIONS, one of OF_BOTH or 'p_expert'.
-        values: values of the setting.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    The setting is a key of ITERATIONS, one of OF_BOTH or 'p_expert'.
     """
     every = [*values, usual(study.preset, system, name)]
     if name == "p_expert":
@@ -250,15 +221,9 @@ def _values(frame: pd.DataFrame, name: str) -> pd.Series:
 def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFrame:
     """Validation losses of an ablation by the ablated `value`.
 
-    Args:
-        frame: stored results of the ablation of `name`.
-        name: the ablated setting of the training or the network.
-        by_method: whether each method has its own rows; else all trials with the same
-            value are taken together.
-
-    Returns:
-        One row per `system`, `novice_minutes`, `method` if asked for, and `value`, with
-        the number of `trials` and the `mean`, `minimum` and `maximum` of their losses.
+    One row per `system`, `novice_minutes`, `method` if asked for, and `value`, with the
+    number of `trials` and the `mean`, `minimum` and `maximum` of their losses. Else all
+    trials with the same value are taken together.
     """
     return loss_summary(
         frame.assign(value=_values(frame, name)),
@@ -271,16 +236,10 @@ def ratios(
 ) -> pd.DataFrame:
     """Losses at the values of an ablation, divided by those at Figure 3's.
 
-    Args:
-        frame: stored results of the ablation of `name`.
-        name: the ablated setting.
-        usual: each system's value in Figure 3.
-        results: folder of the results, whose repeated trials of Figure 3 stand in where
-            others ran on motion that was simulated again.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per system, size, `value`, and
-        method where both have the setting.
+    `usual` is each system's value in Figure 3. Its repeated trials in `results` stand
+    in where others ran on motion that was simulated again. The table is made by
+    `pairs.paired_comparison`: one row per system, size, `value`, and method where both
+    have the setting.
     """
     value = _values(frame, name).astype(float)
     is_usual = value == frame.system.map(usual).astype(float)
@@ -337,13 +296,8 @@ def figure(
     """Validation loss against an ablated setting, one line per size and method.
 
     Lines are means over seeds; bars reach from the minimum to the maximum. Values of
-    p_e have a linear axis; the values of other settings stand at equal distances.
-
-    Args:
-        table: made by `table`.
-        name: the ablated setting.
-        systems: one plot for each.
-        usual: each system's value in Figure 3, which a vertical line marks.
+    p_e have a linear axis; the values of other settings stand at equal distances. A
+    vertical line marks each system's `usual` value, that of Figure 3.
     """
     figure, panels = side_by_side(len(systems))
     for axes, system in zip(panels, systems, strict=True):
@@ -360,10 +314,7 @@ def comparison_figure(
 ) -> Figure:
     """Several ablations side by side, each drawn as `figure` draws it.
 
-    Args:
-        tables: ablated setting -> its table; one column of plots for each.
-        systems: one row of plots for each; the plots of a row share the loss axis.
-        usual: ablated setting -> each system's value in Figure 3.
+    Each table has a column of plots, each system a row, which shares the loss axis.
     """
     names = list(tables)
     figure, panels = side_by_side(len(systems) * len(names), len(names))

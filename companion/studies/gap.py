@@ -56,14 +56,10 @@ COMPONENTS = {
 
 
 def simulate_components(system: str, starts: Sequence[int]) -> np.ndarray:
-    """Drive both robots of a pair from the same starts under the same actions.
+    """COMPONENTS (2, N, STEPS + 1, 12) of a pair's novice, then expert, from N starts.
 
-    Args:
-        system: name of the pair.
-        starts: N numbers; ground, heading and actions are drawn from each.
-
-    Returns:
-        COMPONENTS (2, N, STEPS + 1, 12) of the novice's motion, then the expert's.
+    Both get the same ground, heading and actions, which are drawn from the number of
+    the start.
     """
     from sidm.simulation import Simulator
     from sidm.simulation.exploration import draw_actions
@@ -109,12 +105,6 @@ def measure(
     The gap is the root mean square, over the starts, of the difference between the
     expert's and the novice's component. The spread is the standard deviation of the
     novice's component over the starts; the gap is compared with it.
-
-    Args:
-        executor: runs the drives.
-        results: folder that `gap.json` is written to.
-        systems: names of the pairs.
-        starts: number of starts.
     """
     batches = [
         range(first, min(first + BATCH, starts)) for first in range(0, starts, BATCH)
@@ -142,9 +132,8 @@ def measure(
 def table(results: Path | str = "results") -> pd.DataFrame:
     """The stored gaps as a table, without rows if none are stored.
 
-    Returns:
-        One row per system, component and `time`, s: `gap`, the novice's `spread`, and
-        their `ratio`.
+    One row per system, component and `time`, s: `gap`, the novice's `spread`, and their
+    `ratio`.
     """
     stored = read_or_empty(Path(results) / NAME).get("found", {})
     rows = [
@@ -161,12 +150,7 @@ def table(results: Path | str = "results") -> pd.DataFrame:
 
 @styled
 def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
-    """Ratio of gap to the novice's spread by component, one mark per system.
-
-    Args:
-        table: made by `table`.
-        time: since the start, s.
-    """
+    """Ratio of gap to the novice's spread after `time` s, one mark per system."""
     figure, (axes,) = side_by_side(1)
     figure.set_size_inches(8, 4.6)
     names = list(COMPONENTS)

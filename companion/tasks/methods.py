@@ -54,7 +54,7 @@ class LibraryModel:
 
     def predict(self, drive: Drive) -> np.ndarray:
         """Transitions (K, Y) of a drive's steps."""
-        from ownrobot.fitting.prediction import predict_steps
+        from ownrobot.fitting.windows import predict_steps
 
         network, predictor = self.model.network, self.model.predictor
         ((predicted, _),) = predict_steps(predictor, [drive], network.pixels)

@@ -183,11 +183,7 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
 
 
 def _figure_of(name: str) -> Callable[[pd.DataFrame], None] | None:
-    """A function that draws errors into a file; None where Matplotlib is missing.
-
-    Raises:
-        ConfigError: the file's kind is none of a figure.
-    """
+    """A function that draws errors into a file; None where Matplotlib is missing."""
     from sidm.storage import write_atomically
 
     try:

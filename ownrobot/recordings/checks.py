@@ -66,11 +66,7 @@ def refuse_angles(name: str, column: str, angles: np.ndarray) -> None:
 
 
 def refuse_times(name: str, time: np.ndarray) -> float:
-    """Refuse times (R,), s, that do not increase.
-
-    Returns:
-        The median spacing of the rows, s.
-    """
+    """Refuse times (R,), s, that do not increase; returns their median spacing, s."""
     if not np.isfinite(time).all():
         row = np.flatnonzero(~np.isfinite(time))[0] + 1
         raise RecordingError(
@@ -94,10 +90,7 @@ def refuse_times(name: str, time: np.ndarray) -> float:
 def pauses(time: np.ndarray, rate: float) -> np.ndarray:
     """Numbers (P,) of the rows before which a recording pauses.
 
-    Args:
-        time: of the rows (R,), s.
-        rate: of the control steps, Hz; a time that is hardly longer than a step is no
-            pause.
+    A time that is hardly longer than a control step at `rate`, Hz, is no pause.
     """
     steps = np.diff(time)
     return np.flatnonzero(steps > max(GAP * np.median(steps), LEAST_PAUSE / rate)) + 1
@@ -108,11 +101,7 @@ def refuse_slower(
 ) -> None:
     """Refuse a body whose rate is above that of the recorded numbers.
 
-    Args:
-        name: for the message.
-        row_rate: recorded rows a second, Hz.
-        pose_rate: new values of the pose a second, Hz, where the pose changes.
-        body: whose rate is compared.
+    These are rows a second, and new values of the pose a second where it changes, Hz.
     """
     for rate, what in ((row_rate, "rows come"), (pose_rate, "its pose is new")):
         if rate is not None and body.rate > FASTER * rate:

@@ -267,11 +267,9 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
 def _tried(
     file: Path, body: Body, topics: Sequence[str]
 ) -> tuple[Body, list[str], list[str]]:
-    """Read the file with a body.
+    """The body without columns that never change in a file, these columns, and faults.
 
-    Returns:
-        The body without columns that never change, these columns, and a line for the
-        first fault of the file, if there is any.
+    Only the first fault is told.
     """
     findings = Findings(skip=True, doubtful=True)
     try:

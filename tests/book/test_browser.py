@@ -376,15 +376,12 @@ def test_figure_3_can_be_touched(visit):
     )
 
 
-HOW_LONG = "notebooks/05-how-long"
-
-
 @pytest.fixture
 def stopping(visit):
     """Function that opens the page with the stopping point, at an address's state."""
 
     def open_page(state=""):
-        page = visit(HOW_LONG)
+        page = visit("notebooks/04-figure3")
         if state:
             page.evaluate("state => (location.hash = state)", state)
         page.wait_for_selector(".stopping[data-shown]")

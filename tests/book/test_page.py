@@ -80,11 +80,11 @@ def test_a_number_that_is_not_there_is_an_error(make_page):
 
 def test_another_pages_number_is_the_stored_one(make_page):
     page, _ = make_page()
-    text = page.fill("{05-how-long::tuned-saving}")
-    stored = (ROOT / "notebooks" / "05-how-long.ipynb").read_text(encoding="utf-8")
+    text = page.fill("{04-figure3::tuned-saving}")
+    stored = (ROOT / "notebooks" / "04-figure3.ipynb").read_text(encoding="utf-8")
     assert text and json.dumps(f"'{text}'") in stored
-    with pytest.raises(ValueError, match="05-how-long.ipynb glues no 'nothing'"):
-        page.fill("{05-how-long::nothing}")
+    with pytest.raises(ValueError, match="04-figure3.ipynb glues no 'nothing'"):
+        page.fill("{04-figure3::nothing}")
 
 
 def test_what_is_glued_is_for_other_pages(make_page):

@@ -67,13 +67,9 @@ def test_the_books_readings_are_those_of_its_parts():
     )
     first = judged[(judged.verdict == "R1") & (judged.system == "system1")].iloc[0]
     assert rows[0].verdict == first.says and f"{first.value:.1f}" in rows[0].ours
-    short = readings.short_table(rows)
-    assert len(short) <= 9 < len(readings.page_table(rows)) == len(rows)
-    assert not short[readings.READ].str.contains(" 5 min").any()
-    verdict = short["system 1"][0].lower()
-    assert rows[0].verdict.lower().endswith(verdict)
+    assert len(readings.page_table(rows)) == len(rows) > 9
 
 
 def test_without_results_there_are_no_readings(tmp_path):
     rows = readings.readings(Results(tmp_path), str(tmp_path))
-    assert rows == [] and not len(readings.short_table(rows))
+    assert rows == []

@@ -97,15 +97,11 @@ def losses(frame: pd.DataFrame) -> pd.DataFrame:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Losses with a setting of R changed over R's, paired by seed.
 
-    Args:
-        frame: rows of `results`.
-
-    Returns:
-        A row per `system`, `setting`, `value` and `rule` that shares a seed with R: how
-        many `seeds` pair it, the mean `loss`, the `ratio` with its ends `low` and
-        `high`, the p-value `corrected` by Holm over the system's settings, and whether
-        it `differs` by the rule. With fewer than FEWEST_SEEDS there is no interval;
-        without all settings no p-value.
+    A row per `system`, `setting`, `value` and `rule` that shares a seed with R: how
+    many `seeds` pair it, the mean `loss`, the `ratio` with its ends `low` and `high`,
+    the p-value `corrected` by Holm over the system's settings, and whether it `differs`
+    by the rule. With fewer than FEWEST_SEEDS there is no interval; without all settings
+    no p-value.
     """
     rows = []
     every = losses(frame)
@@ -144,13 +140,10 @@ def figure(
     quick: pd.DataFrame | None = None,
     systems: Sequence[str] = tuple(ABLATION_CAPS),
 ) -> Figure:
-    """Ratios to the recipe's own loss: a row per system, a column per setting.
+    """Ratios to the recipe's own loss by one rule: a row a system, a column a setting.
 
-    Args:
-        ratios: rows of `table` of one rule.
-        quick: the same columns for recipe Q, drawn beside them in grey: `system`,
-            `setting`, `value`, `ratio`, `low`, `high`. Its own values have the ratio 1.
-        systems: rows of the figure.
+    `quick` has the same columns for recipe Q, drawn beside them in grey: `system`,
+    `setting`, `value`, `ratio`, `low`, `high`. Its own values have the ratio 1.
     """
     figure, panels = side_by_side(len(systems) * len(LABELS), len(LABELS))
     figure.set_size_inches(10.4, 3.2 * len(systems))

@@ -42,34 +42,39 @@ BESIDE = ("least_squares", FINETUNING)
 MARK: dict[str, Any] = {"color": "0.45", "linestyle": ":", "marker": "", "lw": 1.2}
 
 
-def table(frame: pd.DataFrame, rule: str = RELEASED) -> pd.DataFrame:
-    """Losses of Figure 3: a row per training with its `loss`.
+def table(
+    frame: pd.DataFrame, rule: str = RELEASED, quick: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Losses of Figure 3: a row per training with its `recipe` and its `loss`.
 
-    The paper's two methods have recipe R; fine-tuning, of which the release says
-    nothing, has recipe T.
+    The paper's two methods have recipe R. Of the methods BESIDE the release says
+    nothing: they have recipe T, or Q where T has not been run.
 
     Args:
-        frame: rows of `verdicts.results`, with those of least squares if there are any.
-        rule: the stopping rule, a key of RULES; it does not stop least squares.
+        frame: rows of `verdicts.results`.
+        rule: the stopping rule of recipes R and T, a key of RULES.
+        quick: results of recipe Q.
     """
     recipe = frame.recipe.eq("R") & frame.method.isin(COMPARED)
-    tuned = frame.recipe.eq("T") & frame.method.eq(FINETUNING)
-    solved = frame[frame.method == "least_squares"]
+    tuned = frame.recipe.eq("T") & frame.method.isin(BESIDE)
     trained = losses_by(frame[recipe | tuned], rule)
-    return pd.concat([trained, solved.assign(loss=solved.validation_loss)])
+    if quick is None:
+        return trained
+    arms = ["system", "method"]
+    known = pd.MultiIndex.from_frame(frame[tuned][arms])
+    others = quick[quick.method.isin(BESIDE)]
+    others = others[~pd.MultiIndex.from_frame(others[arms]).isin(known)]
+    others = others.assign(recipe="Q", loss=others.validation_loss)
+    return pd.concat([part for part in (trained, others) if len(part)] or [trained])
 
 
 @styled
 def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure:
-    """Figure 3 under recipe R: a panel per system.
+    """Figure 3 under recipe R, of the rows of `table`: a panel per system.
 
     Lines are means over seeds, shades reach from the least to the greatest. The arrow
     is as long as the paper's number says: from the SIDM's loss at AT minutes to where
     training alone should have it. A dotted line stands where the paper's curves meet.
-
-    Args:
-        losses: rows of `table`.
-        systems: panels.
     """
     figure, panels = side_by_side(len(systems), 2)
     for axes, system in zip(panels, systems, strict=False):
@@ -107,8 +112,7 @@ def _draw(axes: Axes, method: str, group: pd.DataFrame) -> None:
     if method in COMPARED:
         mean_and_range(axes, by_size, **style)
         return
-    if method == FINETUNING:
-        style["label"] += " (T)"
+    style["label"] += f" ({group.recipe.iloc[0]})"
     axes.plot(by_size.index, by_size["mean"], **style | {"lw": 1.0, "ms": 3.5})
 
 

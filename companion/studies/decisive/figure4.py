@@ -32,8 +32,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 def median_drive(rows: pd.DataFrame) -> int:
     """Number of the stored drive whose last deviation is the median of them.
 
-    Args:
-        rows: trainings of one system; the mean over them counts.
+    The mean over the trainings, of one system, counts.
     """
     last = [
         np.linalg.norm(np.subtract(predicted, actual)[:, -1, :2], axis=1)
@@ -54,16 +53,11 @@ def figure(
     seed: int = 0,
     systems: Sequence[str] = PAPER_SYSTEMS,
 ) -> Figure:
-    """Figure 4 under recipe R: a row per system.
+    """Figure 4 under recipe R, of the rows of `table`: a row per system.
 
     Left: distance of the predicted from the actual position over time, the mean over
-    seeds with its standard error. Right: a drive from above.
-
-    Args:
-        rows: rows of `table`.
-        drive: number of a stored drive, 0 to 2; None: that of `median_drive`.
-        seed: of the models that predict the drive.
-        systems: rows of the figure.
+    seeds with its standard error. Right: a stored drive from above, by default that of
+    `median_drive`, with the paths that the models of a seed predict.
     """
     figure, panels = side_by_side(2 * len(systems), 2)
     for left, right, system in zip(panels[::2], panels[1::2], systems, strict=True):

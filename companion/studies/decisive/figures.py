@@ -1,8 +1,4 @@
-"""Figures of the decisive experiment, all about the length of training.
-
-They show the loss along the training, what an SIDM saves along it, and Figure 3 by each
-stopping rule.
-"""
+"""What an SIDM saves along its training, as a figure: the decisive experiment."""
 
 from __future__ import annotations
 
@@ -14,24 +10,17 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.style import (
-    LOSS_BY_SIZE,
-    METHOD_STYLES,
-    legend_below,
-    mean_and_range,
-    system_label,
-)
-from companion.statistics.stopping_rules import RULES, stored_curve
+from companion.figures.style import legend_below, system_label
 from companion.studies.decisive.along import MARKED
-from companion.studies.decisive.verdicts import AT, END, losses_by
+from companion.studies.decisive.verdicts import AT, END
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 RECIPE_STYLES: dict[str, dict[str, Any]] = {
-    "R": {"color": "#0072B2", "linestyle": "-"},
-    "T": {"color": "#D55E00", "linestyle": "--"},
+    "R": {"color": "#1A1A1A", "linestyle": "-"},
+    "T": {"color": "#8C8C8C", "linestyle": "--"},
 }
-RECIPE_LABELS = {"R": "as released (R)", "T": "each at its best (T)"}
+RECIPE_LABELS = {"R": "as released (R)", "T": "tuned (T)"}
 RULE_MARKERS = dict(zip(MARKED, ("^", "s", "o"), strict=True))
 
 
@@ -87,7 +76,7 @@ def _draw(axes: Axes, ratios: pd.DataFrame, recipe: str) -> None:
     )
     marked = ratios[ratios.rule.isin(MARKED)]
     for rule, point in marked.set_index("rule").iterrows():
-        label = f"{recipe}: {'' if rule == END else 'by the rule of '}{rule}"
+        label = f"{recipe}: {'' if rule == END else 'rule '}{rule}"
         reach = np.abs([[point.value - point.low], [point.high - point.value]])
         axes.errorbar(
             [point.samples],
@@ -97,66 +86,5 @@ def _draw(axes: Axes, ratios: pd.DataFrame, recipe: str) -> None:
             linestyle="",
             marker=RULE_MARKERS[str(rule)],
             capsize=2,
-            label=label.replace("'s", ""),
+            label=label,
         )
-
-
-@styled
-def losses_along(frame: pd.DataFrame) -> Figure:
-    """Validation loss with AT minutes against samples seen: a panel per arm.
-
-    An arm is a recipe on a system that has SIDMs. Lines are means over seeds, shades
-    reach from minimum to maximum.
-    """
-    few = frame[frame.novice_minutes == AT]
-    arms = [
-        (recipe, system, arm)
-        for (system, recipe), arm in few.groupby(["system", "recipe"])
-        if (arm.method == "sidm").any()
-    ]
-    figure, panels = side_by_side(max(len(arms), 2), 2)
-    for axes in panels[max(len(arms), 1) :]:
-        axes.set_axis_off()
-    if not arms:
-        finish(panels[0])
-    for axes, (recipe, system, arm) in zip(panels, arms, strict=False):
-        axes.set(xscale="log", yscale="log", xlabel="samples seen (control steps)")
-        axes.set(ylabel="validation loss")
-        axes.set_title(f"{system_label(system)}, {RECIPE_LABELS[recipe]}")
-        for method, group in arm.groupby("method", sort=False):
-            curves = [stored_curve(row) for _, row in group.iterrows()]
-            shortest = min(len(curve.samples) for curve in curves)
-            losses = np.array([curve.validation_loss[:shortest] for curve in curves])
-            table = pd.DataFrame(
-                {
-                    "mean": losses.mean(0),
-                    "min": losses.min(0),
-                    "max": losses.max(0),
-                },
-                index=curves[0].samples[:shortest],
-            )
-            mean_and_range(axes, table, **METHOD_STYLES[str(method)] | {"marker": ""})
-        finish(axes, legend=False)
-    legend_below(figure, panels[: len(arms)])
-    return figure
-
-
-@styled
-def by_rule(frame: pd.DataFrame, recipe: str, system: str) -> Figure:
-    """Figure 3 of a recipe on a system, a panel per stopping rule.
-
-    Curves are means over seeds, shades reach from minimum to maximum.
-    """
-    chosen = frame[(frame.recipe == recipe) & (frame.system == system)]
-    figure, panels = side_by_side(len(RULES), 2)
-    for axes, rule in zip(panels, RULES, strict=True):
-        axes.set(title=rule.replace("'s", "'s rule"), **LOSS_BY_SIZE)
-        for method, group in losses_by(chosen, rule).groupby("method", sort=False):
-            losses = group.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
-            mean_and_range(axes, losses, **METHOD_STYLES[str(method)])
-        finish(axes, sorted(set(chosen.novice_minutes)), legend=False)
-    ends = [end for axes in panels if axes.has_data() for end in axes.get_ylim()]
-    for axes in panels:
-        axes.set_ylim(min(ends, default=None), max(ends, default=None))
-    legend_below(figure, panels)
-    return figure

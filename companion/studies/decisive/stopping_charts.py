@@ -11,9 +11,8 @@ from typing import Any
 import altair as alt
 from matplotlib.figure import Figure
 
-from companion.figures.style import html_picture, json_script
-from companion.figures.themed import themed
-from companion.studies.decisive.figures import RECIPE_STYLES
+from companion.figures.interactive import themed
+from companion.figures.style import METHOD_STYLES, html_picture, json_script
 from companion.studies.decisive.verdicts import END
 
 HEIGHT = 250  # pixels
@@ -24,7 +23,7 @@ LOSS_TICKS = (0.15, 0.2, 0.3, 0.4, 0.5, 0.7)
 SAVING_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
 SAMPLE_TICKS = (1e5, 3e5, 1e6, 3e6, 8e6)
 DECAY_TICKS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-COLOUR = RECIPE_STYLES["R"]["color"]  # of a saving
+COLOUR = METHOD_STYLES["sidm"]["color"]  # of a saving
 INK = alt.ExprRef("ink")
 
 
@@ -60,11 +59,7 @@ def _cursor() -> alt.Chart:
 
 
 def charts(methods: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, Any]]:
-    """Specifications by the name of the chart.
-
-    Args:
-        methods: name -> `label` and `color` of each method.
-    """
+    """Specifications by the name of the chart, for methods with `label` and `color`."""
     names = [method["label"] for method in methods.values()]
     scale = alt.Scale(
         domain=names, range=[method["color"] for method in methods.values()]
@@ -145,12 +140,9 @@ def html(
 ) -> str:
     """The charts with their numbers, which book/static/stopping.js puts together.
 
-    Args:
-        contents: of `stopping_point.contents`.
-        figure: shown where there is no script.
-        words: what the figure shows, for readers who cannot see it.
-        names: the charts to show, in their order; all by default. Without `search` its
-            numbers are left out.
+    `contents` are those of `stopping_point`. The figure, in words for readers who
+    cannot see it, is shown where there is no script. `names` are the charts to show, in
+    their order; all by default. Without `search` its numbers are left out.
     """
     drawn = charts(contents["methods"])
     names = names or list(drawn)

@@ -114,10 +114,8 @@ def paths_figure(table: pd.DataFrame, system: str) -> Figure:
 def driving_film(table: pd.DataFrame, system: str) -> bytes:
     """An animated GIF of all drivers in the first episode, seen from above.
 
-    All drivers start together, and each stays where it ended.
-
-    Raises:
-        ValueError: no path of the episode is stored.
+    All drivers start together, and each stays where it ended. ValueError says that no
+    path of the episode is stored.
     """
     paths = episode_paths(table, system, 0)
     if not paths:

@@ -54,10 +54,9 @@ def label(method: str, proxy: Proxy) -> str:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per model.
 
-    Returns:
-        `system`, `method`, `proxy`, `seed`, `novice_minutes` of recorded data, 0 where
-        a model has none, the validation `loss`, the mean position `error` after 2.5 s,
-        m, and the losses (N,) of the validation windows, `pieces`.
+    There are `system`, `method`, `proxy`, `seed`, `novice_minutes` of recorded data, 0
+    where a model has none, the validation `loss`, the mean position `error` after 2.5
+    s, m, and the losses (N,) of the validation windows, `pieces`.
     """
     values = ["minutes", "validation_loss", "position_error", "piece_losses"]
     long = frame[["system", *BY, "seed", *values]].explode(values)
@@ -94,11 +93,7 @@ def best_alone(table: pd.DataFrame, system: str) -> Way | None:
 
 
 def compare(table: pd.DataFrame, other: Way) -> pd.DataFrame:
-    """All ways with recorded data compared with one of them, all sizes together.
-
-    Returns:
-        As `pairs.pooled_comparison`, with a `verdict`.
-    """
+    """All ways with recorded data compared with one of them, all sizes together."""
     recorded = _recorded(table)
     is_other = _is(recorded, other)
     compared = pooled_comparison(
@@ -110,9 +105,7 @@ def compare(table: pd.DataFrame, other: Way) -> pd.DataFrame:
 def beside_best(table: pd.DataFrame, best: Mapping[str, Way]) -> pd.DataFrame:
     """What learns from a simulation beside the best without one, for a page.
 
-    Args:
-        table: of all systems.
-        best: system -> the way to compare with, see `best_alone`.
+    `best` has, by system, the way to compare with, see `best_alone`.
     """
     parts = [
         compare(table[table.system == system], way).assign(beside=label(*way))
@@ -128,12 +121,11 @@ def beside_best(table: pd.DataFrame, best: Mapping[str, Way]) -> pd.DataFrame:
 def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     """Means over seeds, compared with another way.
 
-    Returns:
-        A row per system, way and size: `seeds`, mean `loss` and `error`; the `ratio` of
-        the losses with `low` and `high`, paired by seed, NaN for the other way itself;
-        `saved`, `saved_low`, `saved_high` and `bound`: how many times the recorded data
-        the other way needs; and `worth`, for a model without recorded data, the minutes
-        with which the other way does as well.
+    A row per system, way and size: `seeds`, mean `loss` and `error`; the `ratio` of the
+    losses with `low` and `high`, paired by seed, NaN for the other way itself; `saved`,
+    `saved_low`, `saved_high` and `bound`: how many times the recorded data the other
+    way needs; and `worth`, for a model without recorded data, the minutes with which
+    the other way does as well.
     """
     point = ["system", *BY, "novice_minutes"]
     means = (
@@ -159,13 +151,8 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
 def of_simulation(lines: pd.DataFrame, minutes: float) -> Any:
     """The line of `by_size` with the least loss of the simulated novice's model.
 
-    Args:
-        lines: of one system.
-        minutes: of recorded data, with which least squares correct the model; 0: the
-            model as it is.
-
-    Returns:
-        The line; None without results.
+    With `minutes` of recorded data, least squares correct the model; 0: the model as it
+    is. `lines` are of one system; without results there is None.
     """
     corrected = lines.method.isin(["corrected", "corrected_averaged"])
     rows = lines[corrected & (lines.proxy == "novice")]
@@ -196,11 +183,7 @@ def agreement(
 ) -> str:
     """On how many validation grounds an SIDM has the smaller loss, as text.
 
-    Args:
-        table: of all systems.
-        system: name of the pair of robots.
-        proxy: the simulated robot that is the SIDM's expert.
-        recordings: folder of the recordings; read only if there are results.
+    The recordings are read only if there are results.
     """
     rows, agree = table[table.system == system], None
     if len(rows):
@@ -213,17 +196,10 @@ def agreement(
 def grounds_agree(
     table: pd.DataFrame, way: Way, other: Way, grounds: np.ndarray
 ) -> tuple[int, int] | None:
-    """On how many validation grounds a way has a smaller loss than another.
+    """On how many of all validation grounds a way has a smaller loss than another.
 
-    Args:
-        table: of one system.
-        way: a method and its proxy.
-        other: the way to compare with; seeds that one of the two lacks are left out.
-        grounds: (N,) number of the ground of each validation window.
-
-    Returns:
-        The number of these grounds and the number of all; None where one of the ways
-        has no results.
+    `grounds` (N,) are those of the validation windows. Seeds that one of the two ways
+    lacks are left out; None where one of them has no results.
     """
     point = ["seed", "novice_minutes"]
     recorded = _recorded(table)

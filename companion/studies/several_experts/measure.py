@@ -138,12 +138,7 @@ def jobs(
     """The pretrainings with every number of experts and every seed.
 
     Where several experts are asked for, there is also a single one of the family.
-
-    Args:
-        study: preset, data and results.
-        system: name of the pair of robots.
-        counts: numbers of experts.
-        sizes: min of the novice's data; those beyond the preset's pool are left out.
+    `sizes`, min of the novice's data, beyond the preset's pool are left out.
     """
     preset, counts = study.preset, tuple(counts)
     sizes = preset.sizes_in_pool(system, sizes)
@@ -195,10 +190,7 @@ def motion(about: Pretraining) -> dict[Dataset, Sequence[int]]:
 def load_experts(
     about: Pretraining, data: str | Path
 ) -> tuple[dict[str, Windows], Standardisation]:
-    """The experts' motion by name, and the units inside the networks.
-
-    The units are those of all data of the paper's expert.
-    """
+    """The experts' motion by name, and the units, of the paper's expert's data."""
     trial = about.trial
     paper, pixels = trial.datasets["expert"], trial.network.pixels
     whole = dataset_windows(paper, data, pixels)
@@ -211,11 +203,7 @@ def load_experts(
 
 
 def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
-    """Train the SIDM on the experts, then all novices of a job.
-
-    Raises:
-        ShardError: data are missing.
-    """
+    """Train the SIDM on the experts, then all novices of a job."""
     timer = ProvenanceTimer("experts", about, data)
     trial, library = about.trial, Library(data)
     with one_thread():

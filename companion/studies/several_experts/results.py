@@ -45,23 +45,17 @@ PAPER_EXPERT, MEMBER = "the paper's expert", "1 of the family"
 
 
 def label(number: int, paper: bool) -> str:
-    """The experts that an SIDM was trained on, in figures and tables.
-
-    Args:
-        number: of experts.
-        paper: whether the paper's expert is one of them.
-    """
+    """The experts that an SIDM was trained on, in figures and tables."""
     return f"{number} experts" if number > 1 else PAPER_EXPERT if paper else MEMBER
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per novice.
 
-    Returns:
-        The `experts` that its SIDM was trained on and their `number`; the `way` of its
-        own training, `novice_minutes` and `seed`; its validation `loss`; the `samples`
-        seen by its training, with the patience of early stopping, and the `minutes` of
-        processor time of this training.
+    There are the `experts` that its SIDM was trained on and their `number`; the `way`
+    of its own training, `novice_minutes` and `seed`; its validation `loss`; the
+    `samples` seen by its training, with the patience of early stopping, and the
+    `minutes` of processor time of this training.
     """
     values = ["validation_loss", "samples", "found_seconds"]  # by way and size
     rows = of_trials(frame).assign(way=[list(WAYS)] * len(frame), number=frame.experts)
@@ -87,11 +81,10 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 def by_size(table: pd.DataFrame) -> pd.DataFrame:
     """Means over seeds, compared with the paper's expert alone.
 
-    Returns:
-        A row per `experts`, `way` and size: `seeds`, mean `loss`, `samples` and
-        `minutes`; the `ratio` of the losses with `low` and `high`; and `saved`,
-        `saved_low`, `saved_high` and `bound`: how many times as much data of the novice
-        is needed with the SIDM of the paper's expert.
+    A row per `experts`, `way` and size: `seeds`, mean `loss`, `samples` and `minutes`;
+    the `ratio` of the losses with `low` and `high`; and `saved`, `saved_low`,
+    `saved_high` and `bound`: how many times as much data of the novice is needed with
+    the SIDM of the paper's expert.
     """
     groups = table.groupby(["system", "experts", "way", "novice_minutes"], sort=False)
     means = groups[["loss", "samples", "minutes"]].mean()
@@ -105,9 +98,8 @@ def by_size(table: pd.DataFrame) -> pd.DataFrame:
 def before_training(frame: pd.DataFrame) -> pd.DataFrame:
     """The nearest expert's parts on the novice, before the novice is trained.
 
-    Returns:
-        A row per record and size: `experts`, `seed`, `novice_minutes`, the `nearest`
-        expert, and the validation `loss` with its parts.
+    A row per record and size: `experts`, `seed`, `novice_minutes`, the `nearest`
+    expert, and the validation `loss` with its parts.
     """
     rows = []
     for record in of_trials(frame).itertuples():

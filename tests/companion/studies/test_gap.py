@@ -99,7 +99,7 @@ def test_another_answer_costs_its_square(drawn):
 def test_an_overlap_that_is_measured_is_read(study, monkeypatch):
     monkeypatch.setattr(overlap, "PAPER_SYSTEMS", ("system1",))
     assert overlap.read(study.results) == {}
-    overlap.measure(study, study.results)
+    overlap.make(study, workers=1)
     monkeypatch.setattr(overlap, "PAPER_SYSTEMS", ("system1", "added"))
     stored = overlap.read(study.results)
     assert list(stored) == ["system1"] and set(stored["system1"]) == {

@@ -1,0 +1,149 @@
+"""Results behind the page on Figure 3, and what it keeps for other pages."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import pandas as pd
+from IPython.display import HTML
+
+from companion.engine.store import Results
+from companion.methods import FIGURE3, FOR_LITTLE
+from companion.pages import all_savings, decisive_numbers, readings
+from companion.pages.markdown import known_text, provenance_html, table_html
+from companion.pages.page import Page
+from companion.statistics import claims, coverage
+from companion.statistics.savings import savings, texts_at
+from companion.studies import tuning
+from companion.studies.decisive import search, verdicts
+from companion.studies.decisive.along import along_training
+from companion.studies.decisive.verdicts import AT
+from companion.study import Study
+from companion.trials import Trial
+from sidm.systems import FREE_STRUTS, FREE_SYSTEMS, PAPER_SYSTEMS
+
+TUNED, CLOSED_FORM = FIGURE3[-1], "least_squares"
+
+
+class Figure3:
+    """Results of recipe Q by a preset, and of recipes R and T.
+
+    R and T have one preset, `study`, and motion of their own.
+
+    Args:
+        study: preset, data and results of recipe Q.
+        systems: the pairs of robots.
+    """
+
+    def __init__(self, study: Study, systems: Sequence[str]) -> None:
+        self.study, self.systems = study, systems
+        self.store = Results(study.results)
+        self.long = Study("study", study.data, study.results)
+
+    def trials(self) -> list[Trial]:
+        """The trials of recipe Q."""
+        parts = self.study.figure3, self.study.references
+        return [
+            trial for part in parts for name in self.systems for trial in part(name)
+        ]
+
+    @functools.cached_property
+    def quick(self) -> pd.DataFrame:
+        """Recipe Q: Figure 3 and the methods beside it."""
+        return self.store.frame(self.trials())
+
+    @functools.cached_property
+    def little(self) -> pd.DataFrame:
+        """Recipe Q with settings for little data."""
+        return tuning.little_data_results(self.study, self.store, self.systems)
+
+    @functools.cached_property
+    def free(self) -> pd.DataFrame:
+        """Recipe Q with free struts."""
+        pairs = (name + FREE_STRUTS for name in self.systems)
+        known = [name for name in pairs if name in FREE_SYSTEMS]
+        return self.store.frame([t for s in known for t in self.study.free_struts(s)])
+
+    @functools.cached_property
+    def all_quick(self) -> pd.DataFrame:
+        """All results of recipe Q."""
+        return pd.concat([self.quick, self.little, self.free])
+
+    @functools.cached_property
+    def long_trained(self) -> pd.DataFrame:
+        """Recipes R and T."""
+        return verdicts.results(self.long, self.store)
+
+    @functools.cached_property
+    def searched(self) -> pd.DataFrame:
+        """The search behind recipe T."""
+        return self.store.frame(search.first_search(self.long), curves=True)
+
+    @functools.cached_property
+    def along(self) -> pd.DataFrame:
+        """What an SIDM saves along the training of recipes R and T."""
+        return along_training(self.long_trained)
+
+    @functools.cached_property
+    def saved(self) -> pd.DataFrame:
+        """Data that methods save with recipe Q, of `statistics.savings`."""
+        best_alone = tuning.best_novice_only(self.quick, self.little)
+        tuned = savings(pd.concat([self.little, best_alone]), ["sidm" + FOR_LITTLE])
+        usual = savings(self.all_quick, ["sidm", TUNED, CLOSED_FORM])
+        return pd.concat([usual, tuned])
+
+    def saving(self, method: str, minutes: float, system: str) -> str:
+        """The data that a method saves with recipe Q, with its interval."""
+        return texts_at(self.saved, method, minutes, [system])[0]
+
+    def _quick_numbers(self) -> Iterator[tuple[str, str]]:
+        for number, system in enumerate(PAPER_SYSTEMS, 1):
+            name = f"system{number}"
+            yield f"{name}-sidm-5", self.saving("sidm", AT, system)
+            for minutes in (5, 60):
+                yield f"{name}-tuned-{minutes}", self.saving(TUNED, minutes, system)
+            yield f"{name}-little", self.saving("sidm" + FOR_LITTLE, 1, system)
+            free = system + FREE_STRUTS
+            yield f"{name}-free-squares", self.saving(CLOSED_FORM, 1, free)
+            yield f"{name}-free-tuned", self.saving(TUNED, 1, free)
+
+    def _long_numbers(self) -> Iterator[tuple[str, str]]:
+        yield from decisive_numbers.texts(self.long_trained).items()
+        units = self.store.frame(search.compare_units(self.long), curves=True)
+        yield from decisive_numbers.unit_texts(units).items()
+        few = self.long_trained.query("system == 'system1' and novice_minutes == @AT")
+        for method in ("sidm", TUNED):
+            chosen = few[(few.recipe == "T") & (few.method == method)]
+            yield (
+                f"loss-T-{method}",
+                known_text("{:.2f}", chosen.validation_loss.mean()),
+            )
+
+    def kept(self, page: Page) -> Iterator[tuple[str, Any]]:
+        """Name and value of what other pages show; a table follows its numbers."""
+        quick, long = page.again("3"), page.again("decisive", "study")
+        every = quick, page.again("4"), long, page.again("all", "laptop")
+        compared = self.quick[self.quick.method.isin(FIGURE3)]
+        figure4 = self.store.frame(self.study.figure4())
+        found = claims.figure3_claims(compared, self.study.preset.ablation_minutes[0])
+        read = readings.readings(self.store, self.study.data)
+        both = pd.concat([compared, figure4, self.long_trained])
+        saved = all_savings.table(self.store, self.study.data)
+        drawn = pd.concat([self.all_quick, self.long_trained])
+        judged = verdicts.page_table(verdicts.verdicts(self.long_trained))
+
+        def table(shown: pd.DataFrame, rows: pd.DataFrame, *commands: str) -> HTML:
+            once = rows[~rows.index.duplicated()]
+            return HTML(table_html(shown) + provenance_html(once, *commands))
+
+        yield from self._quick_numbers()
+        yield "claims", table(claims.page_table(found), compared, quick)
+        yield "readings", table(readings.page_table(read), both, *every)
+        others = page.again("little-data"), page.again("free-struts")
+        yield "all-savings", table(saved, drawn, quick, *others, long)
+        yield "coverage", HTML(table_html(coverage.page_table()))
+        yield "estimators", HTML(table_html(coverage.estimators_page_table()))
+        yield from self._long_numbers()
+        yield "decisive", table(judged, self.long_trained, long)
