@@ -30,10 +30,10 @@ _STYLES: dict[str, tuple[str, Any, str]] = {
     "pretrain_finetune": ("#CC79A7", ":", "D"),
     # methods that may do better, and the method without a network
     "least_squares": ("#009E73", (0, (3, 1, 1, 1)), "P"),
-    "corrected": ("#D55E00", (0, (3, 1, 1, 1)), "p"),
-    "corrected_mirrored": ("#882255", "-", "h"),
+    "corrected": ("#8C6D00", (0, (3, 1, 1, 1)), "p"),
+    "corrected_mirrored": ("#332288", "-", "h"),
     "corrected_averaged": ("#44AA99", (0, (5, 1)), "H"),
-    "mirrored": ("#009E73", "-", "*"),
+    "mirrored": ("#882255", "-", "*"),
     "averaged": ("#7F3FBF", (0, (5, 1)), "X"),
     "tethered": ("#000000", (0, (1, 1)), "v"),
     "adapters": ("#8C6D00", "-.", "P"),

@@ -10,6 +10,7 @@ import pytest
 from companion.numerics import versions
 from companion.studies import gap, overlap, payoff
 from companion.studies.payoff import Group, PlanarMotion
+from companion.studies.several_experts import results as family_results
 from sidm.storage import read_record, write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from tests.companion.conftest import RESULTS
@@ -161,19 +162,27 @@ def test_savings_stand_beside_the_gap(tmp_path):
     alone = {1.0: 4.0, 4.0: 2.0, 16.0: 1.0}
     frame = results(novice_only=alone, pretrain_finetune={1.0: 2.0, 4.0: 1.0})
     bodies = results(novice_only=alone, sidm=alone).assign(system="no map")
-    groups = {"alike": Group(frame, 1.0), "unlike": Group(bodies, 1.0, pair="system1")}
+    unlike = Group(bodies, 1.0, pair="system1")
+    groups = {payoff.PAPER: Group(frame, 1.0), payoff.BODIES: unlike}
     table = payoff.table(gaps, payoff.saved(groups))
     rows = table.set_index(["kind", "method"])
-    assert rows.ratio["alike", "pretrain_finetune"] == pytest.approx(4, rel=0.01)
-    assert rows.ratio["unlike", "sidm"] == pytest.approx(1, rel=0.01)
+    assert rows.ratio[payoff.PAPER, "pretrain_finetune"] == pytest.approx(4, rel=0.01)
+    assert rows.ratio[payoff.BODIES, "sidm"] == pytest.approx(1, rel=0.01)
     assert (rows.gap == gaps.gap[0]).all()
-    assert all(axes.has_data() for axes in payoff.figure(table).axes)
+    left, right = payoff.figure(table).axes
+    assert (left.get_title(loc="left"), right.get_title(loc="left")) == (
+        "an SIDM",
+        "fine-tuning",
+    )
+    labels = [label.get_text() for label in left.get_yticklabels()]
+    rows = ["system 1 (gap 6.0)", "no map (gap 6.0)"]
+    assert labels[1::2] == rows and "4.0" in {t.get_text() for t in right.texts}
 
 
 def test_one_expert_of_the_family_stands_beside_training_alone():
     frame = results(novice_only={1.0: 4.0}, sidm={1.0: 3.0})
     ways = {"system": "system1", "way": "all", "seed": 0, "novice_minutes": 1.0}
-    experts = {"experts": [payoff.MEMBER_ALONE, "2 experts"], "loss": [2.0, 1.0]}
+    experts = {"experts": [family_results.MEMBER, "2 experts"], "loss": [2.0, 1.0]}
     families = payoff.family_of(frame, pd.DataFrame(experts | ways))
     assert set(families.system) == {"family"}
     tuned = families[families.method != "novice_only"]
