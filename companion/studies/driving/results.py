@@ -157,6 +157,16 @@ def reached(scores: pd.DataFrame, system: str) -> dict[str, str]:
     return goals.groupby(drivers).agg(", ".join).to_dict()
 
 
+def fewer_than_straight(rivals: pd.DataFrame) -> dict[str, int]:
+    """Planners of each system that reach fewer goals than the straight driver.
+
+    By McNemar's test at 0.05; of the table `rivals`.
+    """
+    beside = rivals[rivals.other == OTHERS["straight"]]
+    behind = (beside.chance < 0.05) & (beside.more < beside.fewer)
+    return behind.groupby(beside.system).sum().to_dict()
+
+
 def scores_page(scores: pd.DataFrame) -> pd.DataFrame:
     """The table of `scores` with the columns and headings of a page."""
     pace = [
