@@ -7,7 +7,8 @@ M trials, B trajectories, T steps, P map pixels a side.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import copy
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor, nn
@@ -15,9 +16,7 @@ from torch.func import functional_call, vmap
 
 from companion.bundle.fused import FusedConvolutions, fuses_convolutions
 from companion.bundle.recurrence import lstm
-from sidm.learning.model import DynamicsModel
-from sidm.learning.networks import Discriminator
-from sidm.settings import Network
+from sidm.learning.trainer import Trainer
 from sidm.systems import ROLES
 
 #: elements in one tensor, at most, for PyTorch's grouped convolution on a GPU
@@ -30,40 +29,27 @@ class StackedModels:
     """The models and discriminators of M trials.
 
     Args:
-        network: sizes of all networks.
-        roles: the systems: ('novice', 'expert') or ('novice',).
-        trials: M.
+        trainers: of the trials, whose weights are copied. Novice and expert are of one
+            body and one system of units; some trials may lack the expert.
         device: where to compute.
-        low: whether the encoders compute in bfloat16; `predict(..., exact=True)` never
-            does.
 
     Attributes:
         weights: (M, ...) each, by name, such as 'model.sidm.lstm.weight_ih_l0'
-            (M, 4 H, K)
+            (M, 4 H, K); 0 where a trial has none
     """
 
-    def __init__(
-        self,
-        network: Network,
-        roles: Iterable[str],
-        trials: int,
-        device: torch.device,
-        low: bool = False,
-    ):
-        self.device, self.low, self.slope = device, low, network.slope
-        with torch.device("meta"):  # shapes only, no memory
-            model = DynamicsModel(network, roles=roles)
-            discriminator = Discriminator(network)
-        self.modules = nn.ModuleDict({"model": model, "discriminator": discriminator})
-        self.weights = {
-            name: torch.zeros(
-                trials,
-                *tensor.shape,
-                device=device,
-                requires_grad=isinstance(tensor, nn.Parameter),
-            )
-            for name, tensor in tensors_of(self.modules).items()
-        }
+    def __init__(self, trainers: Sequence[Trainer], device: torch.device) -> None:
+        self.device, self.slope = device, trainers[0].network.slope
+        self.low = trainers[0].training.precision == "bfloat16"
+        modules = [
+            nn.ModuleDict({"model": t.model, "discriminator": t.discriminator})
+            for t in trainers
+        ]
+        largest = max(modules, key=lambda module: len(tensors_of(module)))
+        self.modules = copy.deepcopy(largest).to("meta")  # shapes only, no memory
+        self.weights = stacked([tensors_of(module) for module in modules], device)
+        for name, _ in self.modules.named_parameters():
+            self.weights[name].requires_grad_()
 
     def parameters(self, part: str) -> dict[str, Tensor]:
         """Trainable parameters (M, ...) of a part, e.g. 'model.sidm', by full name."""
@@ -72,12 +58,6 @@ class StackedModels:
             for name, weights in self.weights.items()
             if name.startswith(f"{part}.") and weights.requires_grad
         }
-
-    def put(self, trial: int, tensors: Mapping[str, Tensor]) -> None:
-        """Set the weights of one trial, (...) each by name; missing ones become 0."""
-        with torch.no_grad():
-            for name, weights in self.weights.items():
-                weights[trial] = tensors.get(name, torch.zeros(()))
 
     def encode(
         self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool = False
@@ -103,7 +83,7 @@ class StackedModels:
         self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool
     ) -> Tensor:
         input_mean, input_std, map_mean, map_std = (
-            self._buffer(f"encoders.{shape_role(systems)}.{name}", inputs.ndim)
+            self._buffer(f"encoders.novice.{name}", inputs.ndim)
             for name in ("input_mean", "input_std", "map_mean", "map_std")
         )
         rows = (inputs - input_mean) / input_std  # (M, B, T, X)
@@ -115,9 +95,8 @@ class StackedModels:
             enabled=self.low and not exact,
             cache_enabled=False,
         ):
-            if pixels.shape[-1]:
-                features = self._convolve(systems, pixels)
-                rows = torch.cat([features, rows.to(features.dtype)], dim=-1)
+            features = self._convolve(systems, pixels)
+            rows = torch.cat([features, rows.to(features.dtype)], dim=-1)
             return self._dense("encoders", systems, rows).to(inputs.dtype)
 
     def _convolve(self, systems: Systems, pixels: Tensor) -> Tensor:
@@ -125,7 +104,8 @@ class StackedModels:
 
         Every trajectory is convolved with the kernels of its own system.
         """
-        path = f"model.encoders.{shape_role(systems)}.convolutions"
+        role = systems if isinstance(systems, str) else "novice"
+        path = f"model.encoders.{role}.convolutions"
         kernels = {}
         for name, weights in within(path, self.weights).items():
             kernel = weights[:, None]
@@ -191,15 +171,10 @@ class StackedModels:
         """State transitions y' (M, B, T, Y) of latent ones (M, B, T, 64), raw units."""
         scaled = self._dense("decoders", systems, transitions)
         mean, std = (
-            self._buffer(f"decoders.{shape_role(systems)}.{name}", scaled.ndim)
+            self._buffer(f"decoders.novice.{name}", scaled.ndim)
             for name in ("target_mean", "target_std")
         )
         return mean + std * scaled
-
-    def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (M, 1, 1, Y) of the components in equation (1); None: all are 1."""
-        name = f"decoders.{role}.weights"
-        return self._buffer(name, 4) if f"model.{name}" in self.weights else None
 
     def logits(self, latents: Tensor) -> Tensor:
         """Logits (M, B, T) of the discriminators for latents (M, B, T, latent)."""
@@ -211,12 +186,17 @@ def tensors_of(module: nn.Module) -> dict[str, Tensor]:
     return {**dict(module.named_parameters()), **dict(module.named_buffers())}
 
 
-def shape_role(systems: Systems) -> str:
-    """The role whose shapes and units hold for a batch.
-
-    Systems in one batch have equal shapes and units: 'novice' stands for both.
-    """
-    return systems if isinstance(systems, str) else "novice"
+def stacked(
+    parts: Sequence[Mapping[str, Tensor]], device: torch.device
+) -> dict[str, Tensor]:
+    """Tensors of M trials as one (M, ...) each, by name; 0 where a trial has none."""
+    largest = max(parts, key=len)
+    return {
+        name: torch.stack(
+            [part.get(name, torch.zeros_like(like)).detach() for part in parts]
+        ).to(device)
+        for name, like in largest.items()
+    }
 
 
 def within(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

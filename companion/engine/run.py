@@ -19,7 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.engine.bundles import BundleCallbacks, bundles, fits, run_bundle
+from companion.engine.bundles import bundles, fits, run_bundle
 from companion.engine.datasets import collect_motion, refuse_missing_motion
 from companion.engine.execute import run_trial
 from companion.engine.known_motion import refuse_other_motion
@@ -176,10 +176,17 @@ class _Runner(NamedTuple):
         for group in bundles(trials):
             if time.monotonic() >= until:
                 return
-            callbacks = BundleCallbacks(show, self.report_failure)
-            for row in run_bundle(
-                group, slots, self.data, folder, callbacks, self.device, until
-            ):
+            rows = run_bundle(
+                group,
+                slots,
+                self.data,
+                folder,
+                show,
+                self.report_failure,
+                self.device,
+                until,
+            )
+            for row in rows:
                 try:
                     self.store_result(row, folder(row.trial))
                 except StoreError as error:
