@@ -26,13 +26,7 @@ TESTED, TESTED_OF_ALL = 32, 2048
 
 
 class Bundle:
-    """M trials that are trained together; ended ones stay as they were at their end.
-
-    Args:
-        trials: the trials, which share the settings that `training.SHARED` names.
-        data: trajectories on the device.
-        device: where to compute.
-    """
+    """M trials that are trained together; ended ones stay as they were at their end."""
 
     def __init__(
         self, trials: Sequence[BundledTrial], data: DeviceData, device: torch.device

@@ -36,9 +36,6 @@ class BundledTrial:
         run: its data and settings. It starts from its checkpoint where there is one.
         network: sizes of the networks.
         data: trajectories on the device.
-
-    Raises:
-        CheckpointError: the checkpoint is damaged or of another run.
     """
 
     def __init__(
@@ -106,11 +103,7 @@ class BundledTrial:
         return rows, of_expert[:, None].expand(-1, count)
 
     def count(self, experts: int) -> None:
-        """Count one iteration of prediction in the trainer.
-
-        Args:
-            experts: trajectories of the batch that are the expert's.
-        """
+        """Count one iteration of prediction in the trainer."""
         novices = self.trainer.training.batch - experts
         samples = {"novice": novices * self.steps, "expert": experts * self.steps}
         self.trainer.count_samples(samples)

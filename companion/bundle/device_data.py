@@ -48,11 +48,7 @@ class DeviceData:
         self.windows, self.steps = Windows(inputs, targets, maps), inputs.shape[1]
 
     def rows(self, windows: Windows) -> Tensor:
-        """Row of each trajectory in this data: (N,) int64, on the CPU.
-
-        Args:
-            windows: N trajectories, of those that were copied.
-        """
+        """Row of each trajectory in this data: (N,) int64, on the CPU."""
         return windows.row_indices + self._first_row[id(windows.stored_inputs)]
 
 

@@ -24,16 +24,7 @@ class Recurrence(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, inputs: Tensor, recurrent: Tensor) -> Tensor:
-        """Hidden states of the layer.
-
-        Args:
-            ctx: autograd's context.
-            inputs: (M, T, B, 4 H), the gates before the recurrent product is added.
-            recurrent: (M, 4 H, H), the recurrent weights.
-
-        Returns:
-            (M, T, B, H).
-        """
+        """Hidden states of the layer."""
         trials, steps, batch, width = inputs.shape
         output = inputs.new_zeros(trials, batch, width // 4)
         cell = torch.zeros_like(output)
@@ -55,15 +46,7 @@ class Recurrence(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, hidden_gradient: Tensor) -> tuple[Tensor, Tensor]:
-        """Gradients of both inputs of `forward`.
-
-        Args:
-            ctx: autograd's context.
-            hidden_gradient: (M, T, B, H), the gradient of the hidden states.
-
-        Returns:
-            (M, T, B, 4 H) and (M, 4 H, H).
-        """
+        """Gradients of both inputs of `forward`."""
         gates, cells, hidden, recurrent = ctx.saved_tensors
         gradients = torch.empty_like(gates)
         output = torch.zeros_like(hidden[:, 0])  # from here on gradients of both

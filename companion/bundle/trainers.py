@@ -28,12 +28,6 @@ NOVICE_ENCODER = "model.encoders.novice"
 class StackedTrainers:
     """What M trainers keep and compute on the device.
 
-    Args:
-        trainers: of the trials; they share the settings that `training.SHARED` names.
-            Their state is copied to the device.
-        data: trajectories on the device.
-        device: where to compute.
-
     Attributes:
         predict: one iteration of Algorithm 1, see `_predict`
         discriminate: one update of the discriminators, see `_discriminate`
@@ -180,12 +174,7 @@ class StackedTrainers:
             adam.step(part_gradients, active & steps)
 
     def _losses(self, rows: Tensor, of_expert: Tensor) -> Tensor:
-        """Equation (1), (M, b, T), for the trajectories of a batch.
-
-        Args:
-            rows: (M, b), the trajectories.
-            of_expert: (M, b) bool, which of them are the expert's.
-        """
+        """Equation (1), (M, b, T), for the trajectories of a batch."""
         batch = self.data.windows.take(rows)
         has_expert = "model.encoders.expert" in self.parts
         systems = of_expert if has_expert else "novice"
@@ -217,12 +206,7 @@ class StackedTrainers:
         self.accuracy.copy_(torch.where(active, accuracy, self.accuracy))
 
     def _match(self, active: Tensor, rows: Tensor) -> None:
-        """One update of the novice's encoder E_n alone, equation (4).
-
-        Args:
-            active: (M,) bool, which trials take the step.
-            rows: (M, b), the novice's trajectories.
-        """
+        """One update of the novice's encoder E_n alone, equation (4)."""
         logits = self.models.logits(self._latents("novice", rows))
         losses = matching_loss(logits).mean((1, 2))
         gradients = self._gradients(losses.sum(), NOVICE_ENCODER)

@@ -152,12 +152,7 @@ def device_data(runs: Sequence[Run], device: torch.device) -> DeviceData:
 
 
 def check_settings(runs: Sequence[Run], network: Network) -> None:
-    """Refuse settings that a bundle cannot train.
-
-    Raises:
-        ConfigError: names the first setting that has another value than FIXED says, or
-            that is in SHARED and differs between the runs.
-    """
+    """Refuse settings that a bundle cannot train."""
     unfit = "cannot be trained in a bundle; train it alone"
     if network.own != "all":
         raise ConfigError(f"Network.own={network.own!r} {unfit}")

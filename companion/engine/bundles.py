@@ -53,9 +53,6 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
     """Groups of trials that one bundle trains, in each the longest trainings first.
 
     The trials of a group have one system, one network and one kind of training.
-
-    Raises:
-        ConfigError: no bundle can train a trial's method.
     """
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
@@ -86,16 +83,9 @@ def run_bundle(
 ) -> Iterator[Row | Failure]:
     """Train trials side by side, `slots` at a time, and evaluate each when it ends.
 
-    Args:
-        trials: one group of `bundles`.
-        slots: how many are trained at once.
-        data: the folder of the shards.
-        checkpoint: the folder of a trial, to go on from and to write to.
-        progress: called after a test.
-        fault: called with the error of a trial that failed; the others go on.
-        device: where to compute.
-        until: `time.monotonic()` at which all states are written and the rest is left
-            for the next call.
+    The trials are a group of `bundles`. `fault` gets the error of a trial that failed;
+    the others go on. At `until`, a `time.monotonic()`, all states are written to the
+    folders that `checkpoint` gives, and the rest is left for the next call.
 
     Yields:
         What is stored of a trial: its outcome is that of `execute.perform` but for

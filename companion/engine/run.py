@@ -227,11 +227,6 @@ def run_here(
 
     The bar counts samples up to `max_samples`, which early stopping seldom lets a trial
     reach.
-
-    Raises:
-        ConfigError: motion is missing.
-        OtherMotion: see `run`.
-        TrainingError: a loss was not finite; the failure is stored.
     """
     store = results if isinstance(results, Results) else Results(results)
     stored = store.get(trial)
@@ -261,17 +256,7 @@ def collect_and_run(
     data: str | Path = "data",
     results: Results | str | Path = "results",
 ) -> Results:
-    """Collect the motion of missing trials, and run them.
-
-    Args:
-        trials: that are needed.
-        workers: number of local processes.
-        data: the folder of the shards.
-        results: the store, or its folder.
-
-    Returns:
-        The store.
-    """
+    """Collect the motion of missing trials, and run them."""
     store = results if isinstance(results, Results) else Results(results)
     missing = store.missing(trials)
     collect_motion(motion_of(missing), data, workers)
