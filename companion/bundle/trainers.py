@@ -229,9 +229,7 @@ class StackedTrainers:
         """
         batch = self.data.windows.take(rows)
         with torch.no_grad():
-            predicted = self.models.predict(
-                "novice", batch.inputs, batch.maps, exact=True
-            )
+            predicted = self.models.predict("novice", batch.inputs, batch.maps)
         terms = component_losses(predicted, batch.targets)  # (M, b, T, Y)
         losses = torch.cat([terms.sum(-1, keepdim=True), terms], dim=-1).double().sum(2)
         return torch.where(counted[..., None], losses, 0.0).sum(1)

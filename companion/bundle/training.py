@@ -159,6 +159,8 @@ def check_settings(runs: Sequence[Run], network: Network) -> None:
     for role in ROLES:
         if (body := network.body(role)) != ROVER:
             raise ConfigError(f"a robot of the body '{body.name}' {unfit}")
+    if "bfloat16" in (run.training.precision for run in runs):
+        raise ConfigError(f"Training.precision='bfloat16' {unfit}")
     for name, fixed in FIXED.items():
         for run in runs:
             if (value := getattr(run.training, name, fixed)) != fixed:

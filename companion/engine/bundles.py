@@ -41,6 +41,7 @@ def fits(trial: Trial) -> bool:
         for training in trainings
         for name, value in FIXED.items()
     )
+    plain = plain and trial.training.precision != "bfloat16"
     gradients = not trial.solved and trial.training.max_samples > 0
     network = trial.network
     rovers = network.body("novice") == network.body("expert") == ROVER

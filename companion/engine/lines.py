@@ -81,7 +81,7 @@ class Lines:
     def split(
         self, values: Mapping[str, Any], read: bool = True
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The values of a record as they were put, and its curves if they are `read`."""
+        """The values of a record as they were put; its curves if they are `read`."""
         plain = {name: value for name, value in values.items() if name != AT}
         there = read and AT in values
         return plain, self._curves(*values[AT]) if there else {}

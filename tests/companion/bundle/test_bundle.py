@@ -10,8 +10,7 @@ from companion.bundle import Run, train_bundle
 from companion.bundle.adam import Single, StackedAdam
 from companion.bundle.bundle import Bundle
 from companion.bundle.device_data import DeviceData
-from companion.bundle.models import StackedModels
-from companion.bundle.recurrence import Recurrence, lstm
+from companion.bundle.models import lstm
 from ownrobot.methods.fine_tuning import pretrained_from
 from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
@@ -137,36 +136,6 @@ def test_a_bundle_of_unlike_trials_is_each_of_them(five, small_network, slots):
         assert tests == ended[number].history
 
 
-def test_low_precision(make_run, small_network):
-    """In bfloat16, too, a bundle agrees with the trial alone, within rounding."""
-    runs = [
-        make_run(0, precision="bfloat16"),
-        make_run(1, novice=9, precision="bfloat16"),
-    ]
-    for number, bundled, _ in train_bundle(runs, small_network, slots=2):
-        assert_same(bundled, alone(runs[number], small_network), rel=1e-3)
-
-
-def test_encoders_alone_are_low(make_run, small_network):
-    """Latents are rounded as those of a trial alone; tests are exact."""
-    trainer = Trainer(
-        make_run().datasets, small_network, make_run(precision="bfloat16").training, 0
-    )
-    stack = StackedModels([trainer], torch.device("cpu"))
-    motion = trainer.sampler.draw("novice", 4, "novice")
-    low = stack.encode("novice", motion.inputs[None], motion.maps[None])[0]
-    exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[
-        0
-    ]
-    assert torch.allclose(
-        exact, trainer.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5
-    )
-    # rounding of four layers, each to the 8 bits of bfloat16
-    rounding = 4 * exact.abs().max().item() / 2**8
-    assert torch.allclose(low, trainer.encode("novice", motion), atol=rounding)
-    assert 1e-3 < (low - exact).abs().max() < rounding
-
-
 def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
     five[2].datasets.train.targets[:, 0] = float("inf")
     five[4] = five[4]._replace(
@@ -219,13 +188,6 @@ def test_the_released_recipe_side_by_side_and_from_checkpoints(
         Checkpoint(run.checkpoint).save(trainer)
     for number, bundled, _ in train_bundle(runs, small_network, slots=2):
         assert_same(bundled, expected[number])
-
-
-def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypatch):
-    run = make_run()
-    monkeypatch.setattr("companion.bundle.models.MOST_ELEMENTS", 5000)
-    ((_, bundled, _),) = train_bundle([run], small_network, slots=1)
-    assert_same(bundled, alone(run, small_network))
 
 
 def test_a_bundle_that_the_memory_does_not_hold_is_refused_in_one_line(
@@ -294,15 +256,6 @@ def test_the_recurrence_is_an_lstm():
         [one(batch)[0] for one, batch in zip(single, inputs, strict=True)]
     )
     assert torch.allclose(lstm(stacked, inputs), expected)
-
-
-def test_the_gradient_of_the_recurrence():
-    torch.manual_seed(0)
-    gates, back = (
-        torch.randn(*size, dtype=torch.double, requires_grad=True)
-        for size in ((2, 5, 3, 8), (2, 8, 2))
-    )
-    assert torch.autograd.gradcheck(Recurrence.apply, (gates, back))
 
 
 @pytest.mark.parametrize("decoupled", [True, False])
@@ -389,6 +342,7 @@ def test_a_killed_bundle_goes_on(make_run, small_network, tmp_path, monkeypatch)
     ("changes", "said"),
     [
         (dict(matching="mmd"), "Training.matching='mmd' cannot be trained in a bundle"),
+        (dict(precision="bfloat16"), "Training.precision='bfloat16' cannot"),
         (dict(mirror=True), "Training.mirror=True cannot"),
         (dict(tether=1.0), "Training.tether=1.0 cannot"),
         (dict(averaging=0.5), "Training.averaging=0.5 cannot"),

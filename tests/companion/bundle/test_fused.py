@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from companion.bundle import fused
 from companion.bundle.bundle import Bundle
 from companion.bundle.bundled_trial import BundledTrial
-from companion.bundle.recurrence import Recurrence
+from companion.bundle.models import recurrence
 from companion.bundle.training import device_data
 
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
@@ -32,8 +32,8 @@ def test_the_steps_of_an_lstm(batch):
     inputs = random(2, 3, batch, 256).requires_grad_()
     recurrent = random(2, 256, 64, scale=0.1).requires_grad_()
     results = []
-    for layer in (Recurrence, fused.FusedRecurrence):
-        hidden = layer.apply(inputs, recurrent)
+    for layer in (recurrence, fused.FusedRecurrence.apply):
+        hidden = layer(inputs, recurrent)
         upwards = random(*hidden.shape)
         results.append(
             [hidden, *torch.autograd.grad(hidden, (inputs, recurrent), upwards)]
