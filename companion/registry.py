@@ -61,11 +61,7 @@ class Measurement(NamedTuple):
         importlib.import_module(self.module_name).make(study, workers)
 
     def is_stale(self, results: str | Path) -> bool | None:
-        """Whether other versions than today's made the file; None if there is no file.
-
-        Raises:
-            ConfigError: the file is damaged; the message is one line.
-        """
+        """Whether other versions than today's made the file; None without a file."""
         path = Path(results) / self.file
         try:
             record = read_record(path)
@@ -117,11 +113,7 @@ _FORMER = FORMER | {"elsewhere": "recorded-targets", "experts": "several-experts
 
 
 def is_grid(name: str) -> bool:
-    """Whether a name is that of a grid of trials, or 'all' for all grids.
-
-    Raises:
-        ConfigError: there is no such name; the message gives the nearest.
-    """
+    """Whether a name is that of a grid of trials, or 'all' for all grids."""
     if name in _FORMER:
         raise ConfigError(f"figure '{name}' is called '{_FORMER[name]}' now")
     if name in (*STUDIES, *MEASUREMENTS):
@@ -141,19 +133,8 @@ def run(
 ) -> list[str]:
     """Simulate and measure what is missing of a study or a measurement.
 
-    Args:
-        name: a key of STUDIES or MEASUREMENTS.
-        preset: the sizes.
-        pair: the pair of robots, for a study of several; None: all pairs.
-        workers: number of processes.
-        data: folder of the data.
-        results: folder of the results.
-
     Returns:
         What is still missing, a line for each job.
-
-    Raises:
-        ConfigError: the study is not about this pair.
     """
     study = Study(preset, Path(data), Path(results))
     if name in MEASUREMENTS:
@@ -173,16 +154,7 @@ def run_jobs(
     results: str | Path = "results",
     **options: Any,
 ) -> None:
-    """Simulate the motion that missing jobs of a study need, and measure them.
-
-    Args:
-        name: a key of STUDIES.
-        jobs: of the study's `jobs`.
-        workers: number of processes.
-        data: folder of the data.
-        results: folder of the results.
-        **options: further arguments of the study's `measure`.
-    """
+    """Simulate the motion that missing jobs of a study need, and measure them."""
     from companion.engine.datasets import collect_motion
 
     entry = STUDIES[name]
@@ -206,11 +178,7 @@ def run_jobs(
 
 
 def pairs_of(name: str, pair: str | None) -> Sequence[str]:
-    """The pairs of robots that a study is about, or the one that is asked for.
-
-    Raises:
-        ConfigError: the study is not about `pair`.
-    """
+    """The pairs of robots that a study is about, or the one that is asked for."""
     pairs = STUDIES[name].pairs
     if pair is not None and pair not in pairs:
         raise ConfigError(f"study '{name}' is about {', '.join(pairs)}, not {pair}")
@@ -228,18 +196,8 @@ def overview(
 ) -> tuple[list[str], int]:
     """What is stored of a study or a measurement.
 
-    Args:
-        name: a key of STUDIES or MEASUREMENTS.
-        preset: the sizes.
-        pair: the pair of robots, for a study of several; None: all pairs.
-        data: folder of the data.
-        results: folder of the results.
-
     Returns:
         Lines of text, a line for each pair or file, and the number of missing results.
-
-    Raises:
-        ConfigError: the study is not about this pair.
     """
     if name in MEASUREMENTS:
         stale = MEASUREMENTS[name].is_stale(results)

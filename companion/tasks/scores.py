@@ -83,13 +83,6 @@ def mean_ratio(
 ) -> Interval:
     """A method's loss or error divided by another's, geometric mean over tasks.
 
-    Args:
-        frame: rows of trials, as `results_frame` returns them.
-        method: whose value is divided.
-        tasks: names of tasks.
-        value: 'loss', 'position' or 'heading'.
-        other: the method to divide by.
-
     Returns:
         The mean with its interval; NaN without results of both.
     """
@@ -134,10 +127,6 @@ def scores_by_group(
     """Scores over groups of tasks: a row for each method, a column for each group.
 
     The best method of the first group is first, one without a score there last.
-
-    Args:
-        frame: rows of trials, as `results_frame` returns them.
-        groups: name of a group -> names of its tasks.
 
     Returns:
         Intervals; None for a method without a score on one of the group's tasks.
