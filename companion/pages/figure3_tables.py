@@ -103,17 +103,24 @@ def _sizes(preset: Preset, systems: Sequence[str]) -> dict[str, object]:
         f"$p_e$, {system_label(name)}": preset.p_expert(name) for name in systems
     }
     return {
-        "expert data (min)": f"{preset.expert_minutes:.0f}",
+        "expert data (min)": f"{preset.expert_minutes:.3g}",
         **novice,
         **p_expert,
         "validation data (min)": f"{preset.validation_minutes:g}",
         "trials a point": preset.seeds,
         "trials with 1 and 5 min": preset.seeds_at(5),
+        "trials of Figure 3": _trials(Study(preset)),
         "height map (pixels a side)": preset.network.pixels,
         "LSTM layers": f"{preset.network.layers} x {preset.network.hidden}",
         "initial weights": preset.network.initialisation,
         "samples a trial, at most": f"{preset.training.max_samples:,}",
+        "patience (samples)": f"{preset.training.patience:,}",
     }
+
+
+def _trials(study: Study) -> int:
+    """Number of trials of Figure 3 on the paper's systems."""
+    return sum(len(study.figure3(name)) for name in PAPER_SYSTEMS)
 
 
 def components(frame: pd.DataFrame, system: str) -> pd.DataFrame:
@@ -154,7 +161,7 @@ def not_run(frame: pd.DataFrame, study: Study, systems: Sequence[str]) -> pd.Dat
     samples = frame.samples + frame.pretraining_samples
     pace = (frame.seconds / samples).median()  # s a sample, of one processor
     ours = sum(len(study.figure3(name)) for name in systems)
-    papers = sum(len(Study("released").figure3(name)) for name in PAPER_SYSTEMS)
+    papers = _trials(Study("released"))
     larger = "the paper's sizes, up to 10 and 5 h, and ten trials a point"
     lines = [
         ("Figure 3 with the patience of the long trainings", ours, LONG["max_samples"]),

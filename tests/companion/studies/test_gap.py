@@ -1,12 +1,12 @@
 """The distance of two robots before learning: gap, overlap, and what it pays."""
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from companion import Study
 from companion.numerics import versions
 from companion.studies import gap, overlap, payoff
 from companion.studies.payoff import Group, PlanarMotion
@@ -31,8 +31,7 @@ def test_components_are_told_in_the_frame_of_the_start():
 @pytest.mark.more
 def test_a_pair_is_measured_from_the_same_starts(tmp_path):
     """The result does not depend on how many starts a worker drives."""
-    with ThreadPoolExecutor(1) as executor:
-        gap.measure(executor, tmp_path, ["system1"], starts=3)
+    gap.make(Study("smoke", tmp_path, tmp_path), 1, ["system1"], starts=3)
     table = gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
     assert forward.gap[2.5] > forward.gap[0.5] > 0
