@@ -92,7 +92,6 @@ def sizes(presets: Mapping[str, Preset], systems: Sequence[str]) -> pd.DataFrame
 
 
 def _sizes(preset: Preset, systems: Sequence[str]) -> dict[str, object]:
-    """Sizes of a preset by their name on a page."""
     novice = {
         f"novice data, {system_label(name)} (min)": ", ".join(
             f"{minutes:g}" for minutes in preset.novice_minutes(name)
@@ -119,7 +118,6 @@ def _sizes(preset: Preset, systems: Sequence[str]) -> dict[str, object]:
 
 
 def _trials(study: Study) -> int:
-    """Number of trials of Figure 3 on the paper's systems."""
     return sum(len(study.figure3(name)) for name in PAPER_SYSTEMS)
 
 

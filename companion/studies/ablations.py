@@ -210,7 +210,6 @@ def with_usual(
 
 
 def _values(frame: pd.DataFrame, name: str) -> pd.Series:
-    """The ablated value of each trial."""
     if name == "matching_iterations":  # none without regularisation
         return frame[name].where(frame.regularise.astype(bool), 0)
     return frame[name]
@@ -317,7 +316,6 @@ def figure(
 def _draw(
     axes: Axes, table: pd.DataFrame, name: str, system: str, usual: Mapping[str, float]
 ) -> None:
-    """Draw one system's lines of an ablation."""
     values = sorted({*table.value, *usual.values()})
     x = {
         value: value if name == "p_expert" else float(number)

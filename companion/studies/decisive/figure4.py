@@ -83,7 +83,6 @@ def _draw_deviations(axes: Axes, shown: pd.DataFrame) -> None:
 
 
 def _draw_drive(axes: Axes, shown: pd.DataFrame, number: int) -> None:
-    """Draw a drive's path and those that models predict."""
     for row in shown.itertuples():
         path = np.array(row.rollouts_predicted)[number, :, :2]
         axes.plot(*path.T, **size_style(row.method, MINUTES.index(row.novice_minutes)))

@@ -283,7 +283,6 @@ def _train_experts(
 
 
 def _test_curve(trained: Trained) -> dict[str, tuple]:
-    """The test loss along a training, as fields of a record."""
     fields = curve(trained)
     return {name: fields[name] for name in ("curve_samples", "curve_test_loss")}
 
