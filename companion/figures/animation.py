@@ -114,7 +114,6 @@ def _background(
 
 
 def _gif(frames: list[Image.Image]) -> bytes:
-    """An endless GIF with one frame per control step."""
     small = [
         frame.quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         for frame in frames

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import by_method_and_size, size_style
@@ -27,14 +28,7 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     for method, minutes, group in by_method_and_size(frame):
         style = size_style(method, sizes.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        # (S, K + 1)
-        errors = np.array([(0.0, *error) for error in group.position_error])
-        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
-        left.plot(time, mean, label=label, **style)
-        if len(errors) > 1:
-            error = errors.std(0, ddof=1) / np.sqrt(len(errors))
-            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
-            left.fill_between(time, mean - error, mean + error, **shade)
+        draw_deviation(left, group, label, style)
         for path in group[group.seed == seed].example_predicted:
             right.plot(*np.array(path).T, **style)  # the styles of the left plot
     for path in frame[frame.seed == seed].example_actual[:1]:
@@ -45,6 +39,20 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     finish(right, legend=False)
     legend_below(figure, [left, right])
     return figure
+
+
+def draw_deviation(
+    axes: Axes, group: pd.DataFrame, label: str, style: dict[str, Any]
+) -> None:
+    """Draw the mean deviation of trials over time, with its standard error as shade."""
+    # (S, K + 1)
+    errors = np.array([(0.0, *error) for error in group.position_error])
+    time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
+    axes.plot(time, mean, label=label, **style)
+    if len(errors) > 1:
+        error = errors.std(0, ddof=1) / np.sqrt(len(errors))
+        shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
+        axes.fill_between(time, mean - error, mean + error, **shade)
 
 
 #: Time of a prediction with its unit -> index of its step.

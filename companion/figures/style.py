@@ -45,7 +45,6 @@ _PLAIN = "#555555", "-", "."  # for methods that no curve shows
 
 
 def _style(colour: str, line: Any, marker: str) -> dict[str, Any]:
-    """Matplotlib's options for a line."""
     return {"color": colour, "linestyle": line, "marker": marker}
 
 

@@ -89,7 +89,7 @@ class Ablations:
     def figure(self, *names: str) -> Figure:
         """Losses by the values of some settings, side by side."""
         tables = {name: self.tables[name] for name in names}
-        return ablations.comparison_figure(tables, self.systems, self.usual)
+        return ablations.figure(tables, self.systems, self.usual)
 
     def page_tables(self) -> Iterator[tuple[str, pd.DataFrame]]:
         """Title and table of each setting and size, for a page."""

@@ -118,7 +118,6 @@ def _draw(axes: Axes, method: str, group: pd.DataFrame) -> None:
 
 
 def _mark(axes: Axes, system: str, shown: pd.DataFrame) -> None:
-    """Mark the paper's numbers."""
     axes.axvline(SAID[system].meet, label="the paper's curves meet", **MARK)
     start = shown[(shown.method == "sidm") & (shown.novice_minutes == AT)].loss.mean()
     if pd.notna(start):

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import size_style
+from companion.figures.paths import draw_deviation
 from companion.figures.style import METHOD_STYLES, legend_below, system_label
 from companion.methods import COMPARED
-from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
@@ -83,19 +83,12 @@ def figure(
 
 def _draw_deviations(axes: Axes, shown: pd.DataFrame) -> None:
     for (method, minutes), group in shown.groupby(["method", "novice_minutes"]):
-        errors = np.array([(0.0, *error) for error in group.position_error])
-        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
-        style = size_style(method, MINUTES.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        axes.plot(time, mean, label=label, **style)
-        if len(errors) > 1:
-            error = errors.std(0, ddof=1) / len(errors) ** 0.5
-            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
-            axes.fill_between(time, mean - error, mean + error, **shade)
+        style = size_style(method, MINUTES.index(minutes))
+        draw_deviation(axes, group, label, style)
 
 
 def _draw_drive(axes: Axes, shown: pd.DataFrame, number: int) -> None:
-    """Draw a drive's path and those that models predict."""
     for row in shown.itertuples():
         path = np.array(row.rollouts_predicted)[number, :, :2]
         axes.plot(*path.T, **size_style(row.method, MINUTES.index(row.novice_minutes)))

@@ -142,7 +142,6 @@ def _draw_paths(
     number: int,
     paths: Sequence[tuple[np.ndarray, dict[str, Any]]],
 ) -> None:
-    """Draw an episode's ground, goal and paths."""
     heights, _, goal = episode(system, number)
     draw_ground(axes, heights, heights.min(), heights.max())
     for path, style in paths:

@@ -72,12 +72,10 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _is(table: pd.DataFrame, way: Way) -> pd.Series:
-    """Whether each row is of a way."""
     return (table.method == way[0]) & (table.proxy == way[1])
 
 
 def _recorded(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows with recorded data."""
     return table[table.novice_minutes > 0]
 
 
