@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import nbformat
+import pandas as pd
 import yaml
 
-from companion.pages.figure3_tables import sizes
+from companion.figures.style import system_label
 from companion.pages.markdown import markdown_table, table_markdown
 from companion.pages.notebook import find_notebook, notebooks, project_root
 from companion.pages.parameters import inspect
-from companion.presets import PRESETS
+from companion.presets import PRESETS, Preset
 from sidm.systems import PAPER_SYSTEMS
 
 HEAD = ("parameter", "type", "value", "what it is")
@@ -48,3 +49,35 @@ def _files() -> str:
         for name in names
     ]
     return markdown_table(["parameter", *(f"`{name}.yaml`" for name in values)], lines)
+
+
+def sizes(presets: Mapping[str, Preset], systems: Sequence[str]) -> pd.DataFrame:
+    """Sizes of presets side by side: a row a size, a column a preset."""
+    columns = {f"`{name}`": _sizes(preset, systems) for name, preset in presets.items()}
+    table = pd.DataFrame(columns, dtype=object)
+    return table.rename_axis("preset").reset_index()
+
+
+def _sizes(preset: Preset, systems: Sequence[str]) -> dict[str, object]:
+    """Sizes of a preset by their name on a page."""
+    novice = {
+        f"novice data, {system_label(name)} (min)": ", ".join(
+            f"{minutes:g}" for minutes in preset.novice_minutes(name)
+        )
+        for name in systems
+    }
+    p_expert = {
+        f"$p_e$, {system_label(name)}": preset.p_expert(name) for name in systems
+    }
+    return {
+        "expert data (min)": f"{preset.expert_minutes:.0f}",
+        **novice,
+        **p_expert,
+        "validation data (min)": f"{preset.validation_minutes:g}",
+        "trials a point": preset.seeds,
+        "trials with 1 and 5 min": preset.seeds_at(5),
+        "height map (pixels a side)": preset.network.pixels,
+        "LSTM layers": f"{preset.network.layers} x {preset.network.hidden}",
+        "initial weights": preset.network.initialisation,
+        "samples a trial, at most": f"{preset.training.max_samples:,}",
+    }
