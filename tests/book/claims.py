@@ -539,7 +539,7 @@ CLAIMS = [
     ),
     Claim(
         "notebooks/07-p-expert-and-phases.ipynb",
-        "on the other system neither change surely lowers the loss",
+        "On the other system neither change is seen to help",
         balance,
     ),
     Claim(
