@@ -46,23 +46,19 @@ def measure(data: Path, results: Path) -> None:
 
 
 def table(results: Path | str = "results") -> pd.DataFrame:
-    """What was collected, a row a robot: hours, mean speed, attempts by how they ended.
+    """What was collected, a row a robot, without rows if nothing is stored.
 
-    Returns:
-        `robot`, `hours`, `speed`, m/s, `attempts`, and the share of them, %, that ended
-        for each cause; without rows if nothing is stored.
+    The columns are `robot`, `hours`, mean `speed`, m/s, all `attempts`, and those that
+    were thrown away for each cause.
     """
     rows = []
     for robot, counts in read_or_empty(Path(results) / NAME).get("found", {}).items():
         kept, causes = counts["trajectories"], counts["discarded"]
-        attempts = kept + sum(causes.values())
-        shares = {cause: 100 * number / attempts for cause, number in causes.items()}
         hours = kept * STEPS * CONTROL_STEP / 3600
         first = {"robot": system_label(robot), "hours": hours, "speed": counts["speed"]}
-        rows.append(first | {"attempts": attempts} | shares)
-    return pd.DataFrame(
-        rows, columns=["robot", "hours", "speed", "attempts", *DISCARDS]
-    )
+        rows.append(first | {"attempts": kept + sum(causes.values())} | causes)
+    columns = ["robot", "hours", "speed", "attempts", *DISCARDS]
+    return pd.DataFrame(rows, columns=columns)
 
 
 if __name__ == "__main__":
