@@ -229,6 +229,8 @@ def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
     experts = list(dict.fromkeys([*table.experts, *alike.experts]))
     sizes = sorted(table.novice_minutes[table.number > 1].unique())
     figure, panels = dot_plots(len(SHOWN), len(experts))
+    if len(table):
+        panels[1].sharex(panels[0])
     for axes, (way, title) in zip(panels, SHOWN.items(), strict=True):
         rows = pd.concat([table[table.way == way], alike]) if len(table) else table
         for number, minutes in enumerate(sizes):
@@ -243,7 +245,5 @@ def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
         finish(axes, legend=False)
         if len(rows):
             name_rows(axes, experts)
-    if len(table):
-        panels[1].sharex(panels[0])
     legend_below(figure, panels)
     return figure
