@@ -70,34 +70,6 @@ def all_datasets(
     return {one: range(one.count) for one in datasets}
 
 
-def collect_datasets(
-    preset: Preset,
-    systems: Iterable[str] = tuple(SYSTEMS),
-    data: str | Path = "data",
-    workers: int | None = None,
-    executor: Executor | None = None,
-    progress: bool = True,
-) -> dict[str, str]:
-    """Simulate what is missing of all datasets of a preset.
-
-    Args:
-        preset: the study.
-        systems: names of the systems.
-        data: the folder of the shards.
-        workers: processes; all cores when None.
-        executor: a `concurrent.futures.Executor` instead of local processes.
-        progress: whether to show bars.
-
-    Returns:
-        Name of each dataset -> digest.
-
-    Raises:
-        ImportError: PyBullet is not installed; the message is one line.
-    """
-    needed = all_datasets(preset, systems)
-    return collect_motion(needed, data, workers, executor, progress)
-
-
 def collect_motion(
     needed: Mapping[Dataset, Sequence[int]],
     data: str | Path = "data",
@@ -106,13 +78,22 @@ def collect_motion(
     progress: bool = True,
     robots: Callable[[Dataset], System | None] | None = None,
 ) -> dict[str, str]:
-    """Simulate what is missing of some trajectories, as `collect_datasets` does.
+    """Simulate what is missing of some trajectories.
 
-    `needed` has the indices of each dataset, as `trials.motion_of` gives them; `robots`
-    gives the system of a dataset, None for a known one.
+    Args:
+        needed: the indices in each dataset, as `trials.motion_of` or `all_datasets`
+            give them.
+        data: the folder of the shards.
+        workers: processes; all cores when None.
+        executor: a `concurrent.futures.Executor` instead of local processes.
+        progress: whether to show bars.
+        robots: gives the system of a dataset, None for a known one.
 
     Returns:
         Name of each dataset -> digest of what was needed of it.
+
+    Raises:
+        ImportError: PyBullet is not installed; the message is one line.
     """
     workers = workers or os.cpu_count() or 1
     pool = contextlib.nullcontext(executor) if executor else local_pool(workers)

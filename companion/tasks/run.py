@@ -60,7 +60,8 @@ def run(
         failed = [row for row in store.stored(wanted) if row.status not in NO_FAILURE]
         missing = list(dict.fromkeys([*missing, *(row.about for row in failed)]))
     for task in dict.fromkeys(entry.task for entry in missing):
-        _prepare(task, data, workers, progress)
+        # motion is simulated once, outside the limit of a trial
+        load_task(task, 0, data, workers=workers, progress=progress)
     work = functools.partial(
         _one, names=wanted, data=data, limit=limit, folder=Path.cwd()
     )
@@ -81,11 +82,6 @@ def _one(
     folder: Path,
 ) -> EntryResult:
     return run_trial(about, names[about], data, limit, folder)
-
-
-def _prepare(task: Task, data: str | Path, workers: int, progress: bool) -> None:
-    """Simulate missing motion once, outside the limit of a trial."""
-    load_task(task, 0, data, workers=workers, progress=progress)
 
 
 def check(
@@ -109,5 +105,5 @@ def check(
     if not stored:
         raise ConfigError(f"no trial of {name} as it is now is stored for these tasks")
     chosen = min(stored, key=lambda row: (row.status != "ok", row.provenance.seconds))
-    _prepare(chosen.about.task, data, workers, progress=True)
+    load_task(chosen.about.task, 0, data, workers=workers, progress=True)
     return chosen, run_trial(chosen.about, name, data, limit)
