@@ -46,7 +46,7 @@ $(STAMP): requirements.txt constraints.txt pyproject.toml
 book: $(STAMP)
 	rm -rf _build/book
 	mkdir -p _build/book
-	cp -R _config.yml _toc.yml CHANGELOG.md CONTRIBUTING.md book sidm ownrobot companion examples params _build/book/
+	cp -R _config.yml _toc.yml book sidm ownrobot companion examples params _build/book/
 	mkdir -p _build/book/results _build/book/recordings
 	cp -R results/benchmark.jsonl results/explorer _build/book/results/
 	cp recordings/*.yaml _build/book/recordings/

@@ -17,9 +17,6 @@ def read_body(path: str | Path) -> Body:
 
     The file has the fields of `Body`; columns and actions are written as `name: unit`,
     map and rate with their units.
-
-    Raises:
-        ConfigError: one line that names the file and what is wrong in it.
     """
     import yaml  # here, since commands that only list trials need no YAML
 
@@ -63,15 +60,7 @@ def _strict_loader() -> Any:
 
 
 def as_body(body: Body | str | Path | Mapping[str, Any]) -> Body:
-    """The body that the argument is or describes.
-
-    Args:
-        body: a body, the path of a YAML file, or a mapping like that in such a file.
-
-    Raises:
-        ConfigError: the file or the mapping has a fault; the message is one line.
-        TypeError: the argument is something else.
-    """
+    """The body that the argument is, or that a YAML file or a mapping describes."""
     if isinstance(body, Body):
         return body
     if isinstance(body, (str, Path)):
@@ -93,13 +82,7 @@ KEYS = (
 def body_from_mapping(values: Mapping[str, Any], name: str) -> Body:
     """The body that a mapping describes, with the keys and values of a body's file.
 
-    Args:
-        values: columns and actions are mappings from names to units; a number with a
-            unit may be a text.
-        name: the body's name if the mapping has none.
-
-    Raises:
-        ConfigError: an unknown key or a value that describes no body.
+    A number with a unit may be a text. `name` is the body's if the mapping has none.
     """
     for key in values:
         if key not in KEYS:

@@ -15,7 +15,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from typing import NoReturn, Protocol, TextIO
+from typing import NoReturn, TextIO
 
 from sidm.config import ConfigError, DataError, Notice, first_line, hint
 
@@ -23,19 +23,9 @@ from sidm.config import ConfigError, DataError, Notice, first_line, hint
 Command = Callable[[argparse.Namespace], int]
 
 
-class AddCommand(Protocol):
-    """Adds a command to a parser and returns the command's own parser.
-
-    The arguments are the command's name, its function, its help and, for those of
-    `ownrobot`, examples and what else stands below the options.
-    """
-
-    def __call__(
-        self, name: str, work: Command, help: str, examples: str = ""
-    ) -> argparse.ArgumentParser:
-        """Add the command."""
-        ...
-
+#: Adds a command and returns its own parser. The arguments are the command's name, its
+#: function, its help and, for those of `ownrobot`, what else stands below the options.
+AddCommand = Callable[..., argparse.ArgumentParser]
 
 GOES_ON = "the same command goes on where this one was"
 
@@ -86,13 +76,7 @@ def carry_out(
 ) -> int:
     """Run the command that `arguments` name and return its exit status.
 
-    Args:
-        parser: knows the commands; `command_adder` added them.
-        arguments: the command and its options; by default those of the process.
-
-    Returns:
-        The command's own exit status, 1 or 2 after an error, which is one line on
-        stderr.
+    After an error, which is one line on stderr, that is 1 or 2.
     """
     parsed = parser.parse_args(arguments)
     try:

@@ -55,11 +55,8 @@ def unknown_name(
 ) -> ConfigError:
     """The error for a name that is not known.
 
-    Args:
-        name: the name.
-        known: the names that are known.
-        where: the place whose names they are, if it is not plain.
-        kind: what the name is of, as 'method'.
+    `where` is the place whose names they are, if it is not plain; `kind` is what the
+    name is of, as 'method'.
     """
     place = f" in {where}" if where else ""
     return ConfigError(f"unknown {kind} {name!r}{place}; {hint(name, known)}")
@@ -77,18 +74,9 @@ def no_such_file(path: str | Path) -> str:
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:
-    """Convert a value to an annotated type: an int may be a float, a list a tuple.
+    """A value of an annotated type: an int may be a float, a list a tuple.
 
-    Args:
-        value: any value.
-        kind: a type, or a union, `Literal`, `tuple`, `list` or `dict` of types.
-        name: the parameter's name, for the error.
-
-    Returns:
-        The value, converted if need be.
-
-    Raises:
-        ConfigError: the value is not of that type; one line that names the parameter.
+    A value of another type raises a ConfigError that names the parameter.
     """
     if kind is Any or type(value) is kind:
         return value
@@ -191,11 +179,7 @@ def _as_tuple(value: Any) -> tuple:
 
 
 def check_numbers(settings: Any) -> None:
-    """Check that every number of a configuration is finite and of a possible size.
-
-    Raises:
-        ConfigError: one line that names the first number that is not.
-    """
+    """Check that every number of a configuration is finite and of a possible size."""
     for name, value in vars(settings).items():
         for number in _as_tuple(value):
             if isinstance(number, (int, float)) and not abs(number) <= LARGEST:
@@ -205,16 +189,7 @@ def check_numbers(settings: Any) -> None:
 
 
 def check_at_least(settings: Any, least: float, *names: str) -> None:
-    """Check that the named fields of a configuration are at least `least`.
-
-    Args:
-        settings: the configuration.
-        least: the smallest allowed number.
-        names: fields that hold a number, or a tuple of numbers.
-
-    Raises:
-        ConfigError: one line that names the first field that is smaller.
-    """
+    """Check that fields, numbers or tuples of numbers, are at least `least`."""
     for name in names:
         value = getattr(settings, name)
         if min(_as_tuple(value)) < least:
@@ -256,11 +231,7 @@ def to_mapping(settings: Any) -> dict[str, Any]:
 
 
 def parse_value(text: str, name: str) -> Any:
-    """The value that a text on the command line stands for, read as YAML.
-
-    Raises:
-        ConfigError: the text is no YAML; the message has the parameter's `name`.
-    """
+    """The value that a text on the command line stands for, read as YAML."""
     import yaml
 
     try:
@@ -274,11 +245,7 @@ def parse_value(text: str, name: str) -> Any:
 
 
 def parse_changes(texts: Iterable[str]) -> dict[str, Any]:
-    """Name -> value from texts such as 'seeds=5', the arguments of `--set`.
-
-    Raises:
-        ConfigError: a text is not of the form NAME=VALUE.
-    """
+    """Name -> value from texts such as 'seeds=5', the arguments of `--set`."""
     values: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")

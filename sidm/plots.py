@@ -33,11 +33,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` plots, in one row or in rows of `columns` plots each.
-
-    Returns:
-        The figure and its axes, row by row.
-    """
+    """A figure of `count` plots, in rows of `columns` or all in one, and its axes."""
     import matplotlib.pyplot as plt
 
     columns = columns or count
@@ -66,11 +62,7 @@ def finish(
 ) -> None:
     """Add a legend and ticks in plain numbers to a plot, or a notice if it is empty.
 
-    Args:
-        axes: the plot.
-        minutes: places of the ticks on the x axis; Matplotlib's own by default.
-        legend: whether the plot gets a legend.
-        notice: what an empty plot says.
+    `minutes` are the places of the ticks on the x axis, by default Matplotlib's own.
     """
     from matplotlib.ticker import FormatStrFormatter, LogLocator
 

@@ -21,14 +21,9 @@ from sidm.config import ConfigError
 
 @contextlib.contextmanager
 def local_pool(workers: int) -> Iterator[Executor]:
-    """An executor on this machine for a `with` block.
+    """An executor for a `with` block: new processes, or this one for one worker.
 
-    Args:
-        workers: number of new processes, see `process_pool`; one worker is this
-            process. Wait for its futures with `as_completed` of this module.
-
-    Raises:
-        ConfigError: see `process_pool`.
+    Wait for its futures with `as_completed` of this module.
     """
     if workers > 1:
         with process_pool(workers) as pool:
@@ -42,9 +37,6 @@ def process_pool(workers: int) -> Iterator[Executor]:
     """A pool of new processes (spawn) for a `with` block.
 
     An error or Ctrl-C in the block ends the processes at once.
-
-    Raises:
-        ConfigError: the script that runs lacks the guard that new processes need.
     """
     _refuse_script_without_guard()
     context = multiprocessing.get_context("spawn")
@@ -126,9 +118,6 @@ def _refuse_script_without_guard() -> None:
 
     A new process imports the script that was started. A call that stands in it outside
     of `if __name__ == "__main__":` would so be run by every worker, too.
-
-    Raises:
-        ConfigError: the call stands there; the message says what to write.
     """
     script = getattr(sys.modules["__main__"], "__file__", None)
     frame = sys._getframe()

@@ -57,17 +57,9 @@ Bar: TypeAlias = tqdm
 def progress_bar(
     total: int, title: str, unit: str, shown: bool = True, scaled: bool = False
 ) -> Bar:
-    """A bar on stderr that counts to `total`.
+    """A bar on stderr that counts to `total`, with `k` and `M` if `scaled`.
 
-    Args:
-        total: how many units of work there are.
-        title: stands before the numbers.
-        unit: name of a unit of work.
-        shown: False for a bar that writes nothing.
-        scaled: whether large numbers are written with k and M.
-
-    Returns:
-        The bar of `tqdm` on a terminal and in a notebook, and a `LogBar` elsewhere.
+    It is that of `tqdm` on a terminal and in a notebook, and a `LogBar` elsewhere.
     """
     notebook = type(sys.stderr).__module__.startswith("ipykernel")
     kind = tqdm if sys.stderr.isatty() or notebook else LogBar

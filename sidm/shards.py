@@ -7,7 +7,7 @@ drives of it.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from sidm.body import ROVER
 from sidm.config import ConfigError, DataError, config
-from sidm.drives import ACTION_SIZE, PROBES, STATE_SIZE, STEPS, Drive, SimulatedGround
+from sidm.drives import STEPS, Drive, SimulatedGround
 from sidm.storage import read_arrays, write_arrays
 from sidm.systems import Terrain, find_system
 
@@ -40,11 +40,7 @@ class ShardError(DataError):
 
 
 def simulated_ground(drive: Drive) -> SimulatedGround:
-    """The ground of a simulated drive.
-
-    Raises:
-        ValueError: the drive was recorded.
-    """
+    """The ground of a simulated drive."""
     if not isinstance(drive.ground, SimulatedGround):
         name = drive.name or "the drive"
         raise ValueError(f"{name} was not simulated: its ground has no seed")
@@ -79,40 +75,30 @@ def write_shard(path: Path, drives: Sequence[Drive]) -> None:
 
 
 def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
-    """The drives of a shard.
-
-    Args:
-        path: the file.
-        terrain: the kind of ground that they drove on.
-        robot: name of the robot that drove.
-
-    Raises:
-        ShardError: the file is missing or damaged.
-    """
+    """The drives of a shard: of `robot`, on that kind of ground."""
     try:
         columns = read_arrays(path)
-        _check_shapes(columns)
         plain = {name: columns[name].tolist() for name in TYPES}
+        drives = []
+        for row, index in enumerate(plain["index"]):
+            ground = SimulatedGround(
+                terrain,
+                plain["terrain_seed"][row],
+                plain["terrain_checksum"][row],
+                columns["terrain_probe"][row],
+            )
+            motion = columns["states"][row], columns["actions"][row]
+            discarded = tuple(plain["discarded"][row])
+            drives.append(simulated_drive(robot, index, *motion, ground, discarded))
+        return drives
     except FileNotFoundError:
         raise ShardError(
             f"{path}: the shard is missing; collect again to make it"
         ) from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, IndexError) as error:
         raise ShardError(
             f"{path}: the shard is damaged ({error}); delete it and collect again"
         ) from None
-    drives = []
-    for row, index in enumerate(plain["index"]):
-        ground = SimulatedGround(
-            terrain,
-            plain["terrain_seed"][row],
-            plain["terrain_checksum"][row],
-            columns["terrain_probe"][row],
-        )
-        states, actions = columns["states"][row], columns["actions"][row]
-        discarded = tuple(plain["discarded"][row])
-        drives.append(simulated_drive(robot, index, states, actions, ground, discarded))
-    return drives
 
 
 def simulated_drive(
@@ -126,23 +112,6 @@ def simulated_drive(
     """Drive `index` of a simulated robot of this name, with a session of its own."""
     name = f"{robot} {index}".strip()
     return Drive(states, actions, ROVER, ground, name, robot, name, index, discarded)
-
-
-def _check_shapes(columns: Mapping[str, np.ndarray]) -> None:
-    """ValueError or KeyError unless the shapes of a shard's columns fit each other."""
-    count, steps = columns["actions"].shape[:2]
-    wanted = {
-        "index": (count,),
-        "states": (count, steps + 1, STATE_SIZE),
-        "actions": (count, steps, ACTION_SIZE),
-        "terrain_seed": (count,),
-        "terrain_checksum": (count,),
-        "terrain_probe": (count, PROBES),
-        "discarded": (count, len(DISCARDS)),
-    }
-    for name, shape in wanted.items():
-        if columns[name].shape != shape:
-            raise ValueError(f"{name} has shape {columns[name].shape}, not {shape}")
 
 
 def trajectories_for(minutes: float) -> int:
@@ -274,11 +243,7 @@ def novice_split(
 def split_indices(
     pool_size: int, count: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of `count` of `pool_size` trajectories, split as by `novice_split`.
-
-    Returns:
-        Indices (n,) of the training trajectories and (m,) of the test trajectories.
-    """
+    """Indices of `count` of `pool_size` trajectories, split as by `novice_split`."""
     chosen = np.random.default_rng(seed).permutation(pool_size)[:count]
     testing = np.arange(count) % TEST_EVERY == 1
     return chosen[~testing], chosen[testing]

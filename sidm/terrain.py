@@ -23,23 +23,14 @@ CUBE_EDGES = np.array(
     float,
 )
 
-TILE = 8  # grid points along a side of a tile that compares the same centres
-COMPARED = 16  # centres; enough for all but one tile of a hundred
-
 
 def perlin(
     x: np.ndarray, y: np.ndarray, frequency: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Gradient noise (Perlin, 2002), with a random gradient at each lattice point.
 
-    Args:
-        x: coordinates, m, of any shape.
-        y: coordinates, m, of the same shape as `x` or broadcasting with it.
-        frequency: lattice points a metre.
-        rng: draws the gradients of the lattice around the points.
-
-    Returns:
-        Values of the broadcast shape, within +-1, 0 on the lattice points.
+    Values at coordinates x and y, m, which broadcast, are within +-1 and 0 on the
+    lattice points, of which `frequency` are in a metre.
     """
     x, y = x * frequency, y * frequency
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
@@ -71,45 +62,9 @@ def cell_heights(
     centres = centres[np.hypot(*centres.T) > terrain.start_cell_radius]
     centres = np.vstack([centres, np.zeros(2)])
     noise = perlin(centres[:, 0], centres[:, 1], terrain.cell_frequency, rng)
-    return (terrain.cell_height_scale * noise)[nearest_centres(x, y, centres)]
-
-
-def nearest_centres(x: np.ndarray, y: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Number (H, W) of the centre that is nearest to each grid point (x[j], y[i]).
-
-    Each tile of the grid compares the few centres that are nearest to its middle; this
-    takes a third of the time of a search for each point.
-
-    Args:
-        x: (W,), m, evenly spaced.
-        y: (H,), m, evenly spaced.
-        centres: (n, 2), m.
-    """
-    tree = cKDTree(centres)
-    columns, rows = _tiles(len(x)), _tiles(len(y))  # (N, t), (M, s)
-    middles = np.stack(np.meshgrid(x[columns].mean(1), y[rows].mean(1)), axis=-1)
-    count = min(COMPARED, len(centres))
-    distance, some = tree.query(middles, np.arange(1, count + 1))  # (M, N, k)
-    shape = (*some.shape[:2], 1, 1, count)
-    east, north = np.moveaxis(centres[some], -1, 0).reshape(2, *shape)
-    apart = (x[columns][:, None, :, None] - east) ** 2  # (M, N, 1, t, k)
-    apart = apart + (y[rows][:, None, :, None, None] - north) ** 2  # (M, N, s, t, k)
-    best = np.take_along_axis(some.reshape(shape), apart.argmin(-1)[..., None], -1)
-    nearest = np.empty((len(y), len(x)), int)
-    nearest[rows[:, None, :, None], columns[None, :, None, :]] = best[..., 0]
-    # A centre that was not compared can be nearest where the last one was this near.
-    reach = np.hypot(np.ptp(x[columns[0]]), np.ptp(y[rows[0]])) * (1 + 1e-9)
-    if count < len(centres):
-        for m, n in np.argwhere(distance[..., -1] <= distance[..., 0] + reach):
-            points = np.stack(np.meshgrid(x[columns[n]], y[rows[m]]), axis=-1)
-            nearest[np.ix_(rows[m], columns[n])] = tree.query(points)[1]
-    return nearest
-
-
-def _tiles(size: int) -> np.ndarray:
-    """Numbers (n, t) of the points of each tile of a line; the last may overlap."""
-    first = np.minimum(np.arange(0, size, TILE), max(size - TILE, 0))
-    return first[:, None] + np.arange(min(TILE, size))
+    points = np.stack(np.meshgrid(x, y), axis=-1)  # (H, W, 2)
+    _, nearest = cKDTree(centres).query(points)
+    return (terrain.cell_height_scale * noise)[nearest]
 
 
 def level_start(

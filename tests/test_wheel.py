@@ -115,12 +115,18 @@ assert not {"matplotlib", "pybullet", "numba", "companion"} & set(sys.modules)
 
 
 def test_the_commands_work_there_or_say_what_they_lack(least, tmp_path):
-    result = run(least, tmp_path, "-m", "sidm", "demo")
+    result = run(least, tmp_path, "-m", "ownrobot", "demo")
     assert (
         result.returncode == 0 and (tmp_path / "ownrobot-demo" / "replay.html").exists()
     ), result.stderr
     result = run(
-        least, tmp_path, "-m", "sidm", "evaluate", "ownrobot-demo/model", str(WARTHOG)
+        least,
+        tmp_path,
+        "-m",
+        "ownrobot",
+        "evaluate",
+        "ownrobot-demo/model",
+        str(WARTHOG),
     )
     assert result.returncode == 0
     assert "yaw_rate" in result.stdout

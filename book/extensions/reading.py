@@ -13,7 +13,7 @@ from sphinx.application import Sphinx
 PACE = 200  # words a minute
 UNREAD = re.compile(r"<(details|pre|table|script|style|math)\b.*?</\1>", re.DOTALL)
 #: beginnings of the names of pages that nobody reads from top to bottom
-REFERENCE = ("book/api", "CHANGELOG", "CONTRIBUTING", "genindex", "search")
+REFERENCE = ("book/api", "genindex", "search")
 
 
 def minutes(body: str) -> int:

@@ -1,7 +1,7 @@
 """Sphinx extension: write the reference, one page for each module.
 
-A table of the packages' folders, the rooms, leads to the pages. `autosummary` finds the
-modules and writes the sources of their pages into book/api, which git ignores.
+`autosummary` finds the modules, which book/extending lists, and writes the sources of
+their pages into book/api, which git ignores.
 """
 
 from __future__ import annotations
@@ -11,49 +11,18 @@ import re
 import sys
 from pathlib import Path
 
-from docutils import nodes
-from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.ext import autosummary
 from sphinx.ext.autosummary.generate import generate_autosummary_docs
-from sphinx.util.docutils import SphinxDirective
 
 import companion
 import ownrobot
 import sidm
 
 PAGES = "book/api"
-DESIGN = "book/design.md"
-ROOM = re.compile(
-    r"^\| (`(?:sidm|ownrobot|companion)\..+?) \| (.+?) \| .*\|$", re.MULTILINE
-)
-#: `ownrobot.__main__` has no page
-LINKED = re.compile(r"`(?=(?:sidm|ownrobot|companion)\.[a-z])")
+LIST = "book/extending.md"
 TITLE = re.compile(r"(?<=<h1>)[\w.]+")
-
-
-class Rooms(SphinxDirective):
-    """Directive `rooms`: a linked table of the rooms of the packages.
-
-    The rows and their order come from the page on the design of the code.
-    """
-
-    def run(self) -> list[nodes.Node]:
-        """Make the table from the table of that page."""
-        design = Path(self.env.srcdir) / DESIGN
-        self.env.note_dependency(str(design))
-        rooms = ROOM.findall(design.read_text(encoding="utf-8"))
-        lines = ["| Room | What is in it |", "| --- | --- |"]
-        lines += [
-            f"| {LINKED.sub('{py:mod}`', names)} | {content} |"
-            for names, content in rooms
-        ]
-        place = nodes.container()
-        self.state.nested_parse(StringList(lines, str(design)), 0, place)
-        for table in place.findall(nodes.table):
-            table["classes"].append("rooms")
-        return place.children
 
 
 def read_modules(app: Sphinx, config: Config) -> None:
@@ -79,9 +48,7 @@ def write_sources(app: Sphinx) -> None:
     if not modules.issuperset(path.stem for path in sources):
         while sources:  # the sources of other modules may name the one that is gone
             sources.pop().unlink()
-    generate_autosummary_docs(
-        [f"{PAGES}.md", *map(str, sources)], base_path=app.srcdir, app=app
-    )
+    generate_autosummary_docs([LIST, *map(str, sources)], base_path=app.srcdir, app=app)
 
 
 def break_title(
@@ -107,7 +74,6 @@ def setup(app: Sphinx) -> dict[str, object]:
         return sys.modules.get(name, thing), parent, place
 
     autosummary._import_by_name = modules_first
-    app.add_directive("rooms", Rooms)
     app.connect("config-inited", read_modules, priority=950)
     app.connect("builder-inited", write_sources)
     app.connect("html-page-context", break_title)

@@ -12,7 +12,8 @@ from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
 
-REFERENCE = "book/api"
+LIST = "book/extending"  # lists the modules
+MODULES = "book/api/"
 
 
 def titles_of(
@@ -26,7 +27,7 @@ def titles_of(
     for entry in titles.children:
         if len(entry) > 1 and not (with_pages and any(entry.findall(addnodes.toctree))):
             entry.pop(1)
-    if name.startswith(f"{REFERENCE}/"):
+    if name.startswith(MODULES):
         title = next(titles.findall(nodes.reference))
         title.children = [nodes.Text(title.astext().rpartition(".")[2])]
     return titles
@@ -42,7 +43,7 @@ def shorten(
         if not options.get("titles_only"):
             return make(**options)
         headings = app.env.tocs
-        app.env.tocs = titles if page.startswith(REFERENCE) else titles | closed
+        app.env.tocs = titles if page.startswith((LIST, MODULES)) else titles | closed
         try:
             return make(**options)
         finally:
@@ -53,9 +54,7 @@ def shorten(
             name: titles_of(name, headings) for name, headings in app.env.tocs.items()
         }
     titles = app.builder.titles
-    closed = {
-        REFERENCE: titles_of(REFERENCE, app.env.tocs[REFERENCE], with_pages=False)
-    }
+    closed = {LIST: titles_of(LIST, app.env.tocs[LIST], with_pages=False)}
     context["toctree"] = toctree
 
 

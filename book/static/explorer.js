@@ -254,17 +254,17 @@
     ];
   }
 
-  /** The robots' values and the measures of their rides. */
-  function fill(table, robots, rides, held) {
+  /** The robots' values in one table, the measures of their rides in another. */
+  function fill(tables, robots, rides, held) {
     const rows = data.rows.map((row) => [row.label, ...robots.map(({ values }) => valueText(row, values))]);
     const measures = robots.map(({ values }, i) => summary(rides[i], values, held));
-    rows.push(...data.measures.map((label, i) => [label, ...measures.map((texts) => texts[i])]));
-    table.replaceChildren(
+    const measured = data.measures.map((label, i) => [label, ...measures.map((texts) => texts[i])]);
+    [rows, measured].forEach((lines, number) => tables[number].replaceChildren(
       element("thead", {}, element("tr", {}, element("td"),
         ...robots.map(({ name }, i) => element("th", { scope: "col", class: `explorer-line-${i}` }, name)))),
-      element("tbody", {}, ...rows.map(([label, ...texts]) => element("tr", {},
+      element("tbody", {}, ...lines.map(([label, ...texts]) => element("tr", {},
         element("th", { scope: "row" }, label), ...texts.map((text) => element("td", {}, text))))),
-    );
+    ));
   }
 
   /** Where a chart's axes begin in its picture. */
@@ -328,10 +328,10 @@
     const root = document.getElementById("explorer");
     const form = element("form", { class: "explorer-controls", "aria-label": "suspension and drive" });
     const said = element("p", { class: "explorer-words", "aria-live": "polite" });
-    const table = element("table", { class: "table" });
+    const tables = [0, 1].map(() => element("table", { class: "table" }));
     const charts = element("div", { class: "explorer-charts" });
     root.replaceChildren(said, form, element("p", { class: "explorer-scrolls" }, "The table scrolls sideways."),
-      element("div", { class: "explorer-summary" }, table), charts);
+      element("div", { class: "explorer-summary" }, ...tables), charts);
     form.addEventListener("submit", (event) => event.preventDefault());
     const replay = window.sidmReplay(document.getElementById("replay"), {
       label: "Replay: two robots drive over rough ground, the first solid and the second as a ghost",
@@ -393,7 +393,7 @@
       roughness = rough;
       move(charted);
       said.textContent = inWords(robots, charted);
-      fill(table, robots, charted, held);
+      fill(tables, robots, charted, held);
       root.dataset.shown = state; // what the pictures show now
     }
 

@@ -35,10 +35,7 @@ class Gaussian(NamedTuple):
     std: Tensor  # (...)
 
     def sample(self, generator: torch.Generator | None) -> Tensor:
-        """One sample of each distribution, (...); the means without a generator.
-
-        Gradients pass through the sample to the mean and the standard deviation.
-        """
+        """One sample of each distribution, (...); the means without a generator."""
         if generator is None:
             return self.mean
         noise = torch.randn(self.mean.shape, generator=generator, dtype=self.mean.dtype)
@@ -55,10 +52,7 @@ class Gaussian(NamedTuple):
 
 
 class StdHead(nn.Module):
-    """A linear layer from the means of latents to their standard deviations.
-
-    Before training, all standard deviations are equal and small.
-    """
+    """A linear layer from means of latents to standard deviations, equal at first."""
 
     def __init__(self, size: int):
         super().__init__()
@@ -72,10 +66,7 @@ class StdHead(nn.Module):
 
 
 class GaussianEncoder(Encoder):
-    """E_e or E_n that estimates a distribution of latent state-actions.
-
-    The means are the output of the deterministic `Encoder`.
-    """
+    """E_e or E_n that estimates a distribution about the latents of an `Encoder`."""
 
     def __init__(
         self,
@@ -92,10 +83,7 @@ class GaussianEncoder(Encoder):
 
 
 class GaussianSIDM(SIDM):
-    """The SIDM that estimates a distribution of latent state transitions.
-
-    The means are the output of the deterministic `SIDM`.
-    """
+    """The SIDM that estimates a distribution about the transitions of an `SIDM`."""
 
     def __init__(self, network: Network):
         super().__init__(network)
@@ -126,11 +114,7 @@ class GaussianDecoder(Decoder):
         scale_last(self.spread)
 
     def distribution(self, transitions: Tensor) -> Gaussian:
-        """Distribution of the state transition y (..., 13), raw units.
-
-        Args:
-            transitions: latent state transitions (..., 64).
-        """
+        """Distribution of the state transition (..., 13), raw units, of (..., 64)."""
         hidden = self.dense[:-1](transitions)
         std = self.spread(hidden).clamp(MIN_LOG_STD, MAX_LOG_STD).exp()
         mean = self.target_mean + self.target_std * self.dense[-1](hidden)
@@ -150,7 +134,7 @@ class StochasticPredictor(Protocol):
     ) -> tuple[Gaussian, Memory]:
         """Distribution of the transition (B, T, 13), raw units, and the new memory.
 
-        The distribution is conditional on one sample of all latents.
+        It is conditional on one sample of all latents.
         """
 
 
@@ -158,8 +142,7 @@ class DistributionModel(DynamicsModel):
     """Figure 1 with distributions in place of values.
 
     A call returns the mean of the transition, computed from the means of the latents.
-    The means start as the values of the deterministic twin, a `DynamicsModel` with the
-    same seed.
+    The means start as the values of a `DynamicsModel` with the same seed.
     """
 
     _parts = (GaussianEncoder, GaussianSIDM, GaussianDecoder)
@@ -180,7 +163,7 @@ class DistributionModel(DynamicsModel):
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Tensor, Memory]:
-        """Sampled latent state transitions (B, T, latent_transition), and the memory.
+        """Sampled latent transitions (B, T, latent_transition), and the memory.
 
         Without a generator, the means take the place of the samples.
         """
@@ -209,13 +192,9 @@ class DistributionModel(DynamicsModel):
 
 
 class ConstantSpread:
-    """A deterministic model with a constant standard deviation of its errors.
+    """A deterministic model with a constant standard deviation (13,) of its errors.
 
     The distribution is normal, and its mean is what the model predicts.
-
-    Args:
-        model: the deterministic model.
-        std: (13,) standard deviation of the model's errors, raw units.
     """
 
     def __init__(self, model: DynamicsModel, std: Tensor) -> None:

@@ -59,13 +59,11 @@ class DrivenEpisode(NamedTuple):
 
 
 class Driver:
-    """Chooses the actions of an episode.
+    """Chooses the actions of an episode with a goal (2,), m.
 
-    Args:
-        goal: (2,) x and y, m.
-        planner: makes the plans to carry out; None drives straight to the goal.
-        imagination: predicts where plans lead: a learned model's `ModelImagination`, or
-            the simulator in which the robot drives.
+    A planner makes the plans to carry out; without one the driver goes straight to the
+    goal. Where plans lead is predicted by a learned model's `ModelImagination`, or by
+    the simulator in which the robot drives.
     """
 
     def __init__(
@@ -115,16 +113,10 @@ class Driver:
 def drive_episode(
     simulator: Any, driver: Driver, rules: Any, longest: float
 ) -> DrivenEpisode:
-    """Drive one episode to its end.
+    """Drive one episode to its end: at the goal, by the rules, or after `longest` s.
 
-    Args:
-        simulator: in the state in which the episode begins.
-        driver: chooses the actions.
-        rules: the rules of data collection by which an episode ends early.
-        longest: duration, s, after which an episode ends without arrival.
-
-    Returns:
-        The episode; it ends at the goal, by the rules, or after `longest`.
+    The simulator is in the state in which the episode begins; the rules are those of
+    data collection.
     """
     actions: list[np.ndarray] = []
     states, ended = [simulator.state], "time"
@@ -140,14 +132,11 @@ def drive_episode(
 
 
 def simulate_sequences(simulator: Any, actions: Tensor) -> Tensor:
-    """Simulate action sequences (N, H, 2), each from the simulator's present state.
+    """States (N, H + 1, 13) under action sequences (N, H, 2), the present state first.
 
     A sequence ends early when the robot rolls over or when its state is not finite. The
-    robot then stays upside down for the remaining steps.
-
-    Returns:
-        States (N, H + 1, 13), the present one first. The simulator is left in its
-        present state.
+    robot then stays upside down for the remaining steps. The simulator is left in its
+    present state.
     """
     present = simulator.save()
     paths = []

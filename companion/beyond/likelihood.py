@@ -33,10 +33,7 @@ ONLY = {
 
 
 def mean_nll(model: DistributionModel, motion: Windows) -> float:
-    """Mean negative log-likelihood over the steps of `motion`, nats.
-
-    All latents are at their means.
-    """
+    """Mean negative log-likelihood of a step, nats, with all latents at their means."""
     total = 0.0
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
@@ -56,13 +53,9 @@ def train_distributions(
 
     There are no checkpoints. The test loss is the likelihood at the means of the
     latents. The likelihood of the mixture over samples of the latents, which
-    `particles.one_step` reports, costs as many times more as there are samples.
-
-    Raises:
-        ConfigError: data that the settings need are missing, or a setting has a value
-            that this training does not allow.
-        TrainingError: a test found a loss that is not finite; the message names the
-            iteration.
+    `particles.one_step` reports, costs as many times more as there are samples. Missing
+    data and settings other than ONLY raise ConfigError; a loss that is not finite,
+    TrainingError.
     """
     for name, only in ONLY.items():
         value = getattr(training, name, getattr(network, name, only))
@@ -84,10 +77,7 @@ def train_distributions(
 
 
 class LikelihoodModel(DistributionModel):
-    """A model of distributions in training, with sampled latents.
-
-    The loss is the negative log-likelihood, nats.
-    """
+    """A model of distributions in training, with sampled latents; losses in nats."""
 
     def __init__(
         self,
@@ -106,12 +96,7 @@ class LikelihoodModel(DistributionModel):
     def losses(
         self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]
     ) -> dict[str, Tensor]:
-        """Negative log-likelihood of each step of a batch, nats, (b, T) by system.
-
-        Args:
-            batch: windows by system.
-            latents: their latent state-actions (b, T, latent).
-        """
+        """Negative log-likelihood of each step of a batch, nats, (b, T) by system."""
         transitions, _ = self.transit(
             torch.cat(list(latents.values())), generator=self.noise
         )

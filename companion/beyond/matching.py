@@ -12,14 +12,10 @@ from sidm.learning.trainer import Hook, Trainer
 
 
 def mmd(first: Tensor, second: Tensor) -> Tensor:
-    """Squared maximum mean discrepancy (Gretton et al., 2012), a scalar.
+    """Squared maximum mean discrepancy (Gretton et al., 2012) of (N, K) and (M, K).
 
     The kernel is the mean of three Gaussian kernels, whose widths are half, once and
     twice the median squared distance. The value is 0 for equal samples.
-
-    Args:
-        first: samples (N, K).
-        second: samples (M, K).
     """
     both = torch.cat([first, second])
     squares = torch.cdist(both, both, compute_mode="use_mm_for_euclid_dist").square()
@@ -36,13 +32,6 @@ def coral(first: Tensor, second: Tensor) -> Tensor:
 
     Their loss ignores the means. Here a shift of the mean counts, too, because it
     counts for the adversary.
-
-    Args:
-        first: samples (N, K).
-        second: samples (M, K).
-
-    Returns:
-        A scalar.
     """
     shift = (first.mean(0) - second.mean(0)).square().mean()
     return shift + (torch.cov(first.T) - torch.cov(second.T)).square().mean()
@@ -53,11 +42,7 @@ DISTANCES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"mmd": mmd, "coral":
 
 
 class DistanceMatching(Hook):
-    """Algorithm 2 without a discriminator: E_n moves its latents toward those of E_e.
-
-    Args:
-        name: of the distance, a key of DISTANCES.
-    """
+    """Algorithm 2 without a discriminator: E_n moves its latents to those of E_e."""
 
     def __init__(self, name: str) -> None:
         self.distance = DISTANCES[name]
@@ -81,20 +66,14 @@ class DistanceMatching(Hook):
 class GradientReversal(Hook):
     """The adversary within Algorithm 1 (Ganin and Lempitsky, 2015).
 
-    The encoders get the reversed gradient of the discriminator A.
-
-    Args:
-        weight: factor of the reversed gradient.
+    The encoders get the reversed gradient of the discriminator A, times `weight`.
     """
 
     def __init__(self, weight: float) -> None:
         self.weight = weight
 
     def auxiliary_loss(self, trainer: Trainer, latents: Mapping[str, Tensor]) -> Tensor:
-        """Equation (2) for A on the latents of a batch, a scalar.
-
-        The loss is 0 for a batch of one system: there is nothing to tell apart.
-        """
+        """Equation (2) for A on a batch's latents, a scalar; 0 for one system alone."""
         trainer.discrimination_optimiser.zero_grad()
         if len(latents) < 2:
             return next(iter(latents.values())).new_zeros(())

@@ -23,12 +23,7 @@ TARGET_SIGNS = (1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1)
 
 
 def mirrored(motion: Windows, which: Tensor) -> Windows:
-    """Some trajectories of a motion in mirror image, the others as they are.
-
-    Args:
-        motion: N trajectories.
-        which: (N,) bool, the trajectories to mirror.
-    """
+    """A motion with the trajectories `which` (N,), bool, in mirror image."""
 
     def mirror(values: Tensor, signs: tuple[int, ...]) -> Tensor:
         images = values * values.new_tensor(signs)
@@ -68,12 +63,7 @@ class MirroredSampler(Sampler):
         return indices + len(self.windows[role]) * (noise < 0.5)
 
     def take(self, role: str, which: Tensor) -> Windows:
-        """A system's windows (b, T), or their mirror images, on the device.
-
-        Args:
-            role: the system.
-            which: (b,) indices, as `indices` gives them.
-        """
+        """Windows (b, T) of a system, or mirror images, by numbers from `indices`."""
         windows = self.windows[role]
         count = len(windows)
         return mirrored(windows.take(which % count), which >= count).to(self.device)

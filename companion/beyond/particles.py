@@ -50,15 +50,10 @@ def one_step(
     generator: torch.Generator | None,
     draws: int = DRAWS,
 ) -> Calibration:
-    """Likelihood and coverage of the mixture over samples of the latents.
+    """Likelihood and coverage of the mixture over `draws` samples of the latents.
 
-    Few samples give too small a likelihood, on average.
-
-    Args:
-        model: predicts distributions.
-        motion: windows (B, T) of the novice.
-        generator: of the samples; None puts the latents at their means.
-        draws: D, number of samples; each is a sample for whole trajectories.
+    Few samples give too small a likelihood, on average. Each is a sample for whole
+    trajectories; without a generator the latents are at their means.
     """
     step_nll: list[Tensor] = []  # of single steps
     component_nll = torch.zeros(TARGET_SIZE, dtype=torch.float64)  # sum over the steps
@@ -106,17 +101,8 @@ def particle_rollout(
 ) -> Tensor:
     """Sampled rollouts: at each step, each particle samples latents and transition.
 
-    Args:
-        model: predicts distributions.
-        heights: (H, W), m.
-        state: (13,) in which all particles start.
-        actions: (K, 2).
-        pixels: P of the model's maps.
-        count: S, number of particles.
-        generator: of all samples.
-
-    Returns:
-        States (S, K + 1, 13), the given one first.
+    From a state (13,) and actions (K, 2) on heights (H, W), m, `count` particles have
+    states (count, K + 1, 13), the given one first.
     """
     states: list[Tensor] = [state.double().expand(count, -1)]
     memory: Memory | None = None
@@ -147,13 +133,7 @@ class PathCoverage(NamedTuple):
 def path_coverage(
     particles: Tensor, actual: Tensor, levels: Sequence[float] = LEVELS
 ) -> PathCoverage:
-    """Compare the particles' central intervals with the actual path.
-
-    Args:
-        particles: states (S, K + 1, 13).
-        actual: states (K + 1, 13).
-        levels: (L,) probabilities of the intervals.
-    """
+    """Compare particles (S, K + 1, 13) with an actual path (K + 1, 13)."""
     heading = rotations.yaw(particles[..., QUATERNION])[:, 1:]  # (S, K)
     # (K,), the mean heading, from which headings are measured
     middle = torch.atan2(heading.sin().mean(0), heading.cos().mean(0))
@@ -167,12 +147,7 @@ def path_coverage(
 
 
 def central_interval(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
-    """The ends (...) of the interval that holds a new sample with probability `level`.
-
-    Args:
-        values: (S, ...) samples.
-        level: the probability.
-    """
+    """Ends (...) of the interval that holds a new sample like (S, ...) with `level`."""
     count = len(values)
     low, high = (
         min(max((share * (count + 1) - 1) / (count - 1), 0.0), 1.0)
@@ -182,15 +157,9 @@ def central_interval(values: Tensor, level: float) -> tuple[Tensor, Tensor]:
 
 
 def _path_values(states: Tensor, heading: Tensor, middle: Tensor) -> Tensor:
-    """Position, m, in the directions of a heading, and heading, rad, of states.
+    """Position along and across a heading, m, and heading from `middle` (K,), rad.
 
-    Args:
-        states: (..., K, 13).
-        heading: of the first axis of the positions, rad.
-        middle: (K,) from which the headings are measured, rad.
-
-    Returns:
-        (..., K, 3): position along `heading` and across it, and the heading.
+    States (..., K, 13) give values (..., K, 3).
     """
     turn = rotations.wrap(rotations.yaw(states[..., QUATERNION]) - middle)
     position = rotations.turn(states[..., :2], -heading)

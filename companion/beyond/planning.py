@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.config import ConfigError, check_at_least, check_numbers, config
+from sidm.config import config
 from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STEPS, upright
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
@@ -41,7 +41,7 @@ class Planning:
         iterations: iterations a plan; each samples from the distribution of the elites
             before, the first from that of the last plan
         elites: number of best samples, whose mean and standard deviation are taken
-        horizon: control steps of 0.1 s
+        horizon: control steps of 0.1 s, a multiple of `hold`
         hold: control steps for which an action is held
         replan: control steps from plan to plan
         spread: standard deviation at first, and of steps that no plan has reached yet
@@ -64,49 +64,12 @@ class Planning:
     slowest: float = SLOWEST
     fastest: float = FASTEST
 
-    def __post_init__(self) -> None:
-        """Refuse settings that allow no plan."""
-        check_numbers(self)
-        check_at_least(
-            self, 1, "samples", "iterations", "elites", "horizon", "hold", "replan"
-        )
-        if self.elites > self.samples:
-            raise ConfigError(
-                f"Planning.elites must be at most samples ({self.samples}), "
-                f"not {self.elites}"
-            )
-        if self.horizon % self.hold:
-            raise ConfigError(
-                f"Planning.horizon must be a multiple of hold ({self.hold}), "
-                f"not {self.horizon}"
-            )
-        if self.replan > self.horizon:
-            raise ConfigError(
-                f"Planning.replan must be at most horizon ({self.horizon}), "
-                f"not {self.replan}"
-            )
-        for name in ("spread", "least"):
-            value = getattr(self, name)
-            if not value > 0:
-                raise ConfigError(f"Planning.{name} must be positive, not {value}")
-        if not -1 <= self.slowest < self.fastest <= 1:
-            raise ConfigError(
-                "Planning: -1 <= slowest < fastest <= 1, "
-                f"not {self.slowest} and {self.fastest}"
-            )
-
 
 def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
-    """Cost of imagined paths.
+    """Cost (N,), m, of imagined paths (N, H + 1, 13) to a goal (2,), m.
 
-    Args:
-        states: (N, H + 1, 13).
-        goal: (2,) x and y, m.
-        steepest: tilt, degrees.
-
-    Returns:
-        (N,), m: the mean distance from the goal over the steps, plus the distance at
-        the end, plus ROLLED_OVER for each step that tilts beyond `steepest`.
+    It is the mean distance from the goal over the steps, plus the distance at the end,
+    plus ROLLED_OVER for each step that tilts beyond `steepest`, degrees.
     """
     ahead = states[:, 1:]
     distance = (ahead[..., :2] - goal).norm(dim=-1)  # (N, H)
@@ -115,13 +78,7 @@ def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
 
 
 class Planner:
-    """Plans repeatedly towards one goal; each plan starts from the last distribution.
-
-    Args:
-        settings: of the method.
-        goal: (2,) x and y, m.
-        seed: of the samples.
-    """
+    """Plans repeatedly to a goal (2,), m; each starts from the last distribution."""
 
     def __init__(self, settings: Planning, goal: np.ndarray, seed: int) -> None:
         self.settings, self.goal = settings, torch.as_tensor(goal, dtype=torch.float64)
@@ -163,11 +120,8 @@ class Planner:
 class ModelImagination:
     """Predicts paths with a learned model, which remembers the motion so far.
 
-    Args:
-        model: predicts the novice.
-        heights: (H, W), m, of the ground.
-        pixels: P of the model's maps.
-        horizon: control steps to predict from the robot's state.
+    The ground has heights (H, W), m; `horizon` steps are predicted from the robot's
+    state.
     """
 
     def __init__(
@@ -182,11 +136,9 @@ class ModelImagination:
         self.new = 0  # number of steps to be added to the memory
 
     def imagine(self, state: np.ndarray | Tensor, actions: Tensor) -> Tensor:
-        """States to which action sequences lead, (N, H + 1, 13) float64.
+        """States (N, H + 1, 13) float64 to which actions (N, H, 2) lead.
 
-        Args:
-            state: (13,), the robot's, first in each path.
-            actions: (N, H, 2).
+        The robot's `state` (13,) is first in each path.
         """
         self.remember()
         count = len(actions)
@@ -242,25 +194,14 @@ class ModelImagination:
 
 
 def relative_bearing(state: np.ndarray, goal: np.ndarray) -> float:
-    """Angle from the robot's heading to the direction of a goal, rad, in [-pi, pi].
-
-    Args:
-        state: (13,).
-        goal: (2,) x and y, m.
-
-    Returns:
-        The angle, positive to the left.
-    """
+    """Angle from the heading of a state (13,) to a goal (2,), rad, left positive."""
     x, y = np.asarray(goal) - np.asarray(state)[POSITION][:2]
     yaw = rotations.yaw(torch.as_tensor(state)[QUATERNION])
     return float(rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw))
 
 
 def steer_to_goal(state: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """The action (2,) of a driver without a plan.
-
-    The throttle is constant, and the robot steers towards the goal.
-    """
+    """The action (2,) without a plan: constant throttle, steering to the goal."""
     # positive steering turns right
     steering = np.clip(-1.5 * relative_bearing(state, goal), -1, 1)
     return np.array([FASTEST, steering])

@@ -20,7 +20,6 @@ from sidm.learning.model import DynamicsModel
 from sidm.learning.sampler import Sampler
 from sidm.learning.seeds import generator
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 from sidm.settings import Network, Training
 from sidm.shards import split_indices
@@ -29,13 +28,7 @@ Weights = Mapping[str, Tensor]  # weights and buffers by name
 
 
 class SeveralSampler(Sampler):
-    """Draws from several experts with equal probability.
-
-    Args:
-        windows: training windows by expert.
-        training: how batches are drawn.
-        seed: of all draws.
-    """
+    """Draws from the windows of several experts with equal probability."""
 
     one_curve = True
 
@@ -48,10 +41,7 @@ class SeveralSampler(Sampler):
         self.generators |= {role: generator(seed, role) for role in windows}
 
     def batch_indices(self) -> dict[str, Tensor]:
-        """Indices of the windows of a batch, (b,) by expert, for Algorithm 1.
-
-        All experts have equal probability. Experts without a window are left out.
-        """
+        """Indices of a batch's windows, (b,) by expert, for experts that have any."""
         roles, count = list(self.windows), self.training.batch
         source = self.generators["system"]
         expert = torch.randint(len(roles), (count,), generator=source)
@@ -69,12 +59,11 @@ def several_trainer(
     seed: int,
     standardisation: Standardisation,
 ) -> Trainer:
-    """A model of several experts in training.
+    """An SIDM, and an encoder and a decoder for each expert, in training.
 
-    Three of four windows of each expert are for training, one is for the test loss.
-
-    Raises:
-        ConfigError: settings with a novice, or with hooks of the training loop.
+    Three of four windows of each expert are for training, one is for the test loss:
+    training stops when the mean of the experts' test losses rises. Settings with a
+    novice, or with hooks of the training loop, raise ConfigError.
     """
     if training.needs_expert or training.hooks():
         raise ConfigError(
@@ -104,31 +93,6 @@ def several_trainer(
         test_loss=test_loss,
         with_validation=False,
     )
-
-
-def train_several(
-    experts: Mapping[str, Windows],
-    network: Network,
-    training: Training,
-    seed: int,
-    standardisation: Standardisation,
-) -> Trained:
-    """Train one SIDM, and an encoder and a decoder for each expert, by Algorithm 1.
-
-    Training stops when the mean of the experts' test losses rises.
-
-    Args:
-        experts: motion by name.
-        network: sizes of the networks.
-        training: settings, without a novice: p_expert=0 and regularise=False.
-        seed: of the splits, the initial weights and the batches.
-        standardisation: units inside the networks.
-
-    Raises:
-        ConfigError: settings with a novice.
-        TrainingError: a test found a loss that is not finite.
-    """
-    return learn(several_trainer(experts, network, training, seed, standardisation))
 
 
 def expert_as_novice(model: DynamicsModel, role: str) -> Weights:

@@ -19,10 +19,8 @@ class PullToStart(Hook):
     """Pulls the weights towards their initial values after each step.
 
     L2-SP of Li, Grandvalet and Davoine (2018), decoupled from the gradient in the way
-    of decoupled weight decay.
-
-    Args:
-        share: share of the way back to the initial weights, per unit of learning rate.
+    of decoupled weight decay. `share` is the share of the way back, per unit of
+    learning rate.
     """
 
     def __init__(self, share: float) -> None:
@@ -42,8 +40,7 @@ class PullToStart(Hook):
 class WeightAverage(Hook):
     """Exponential moving average of the weights, which is tested and kept.
 
-    Args:
-        past: weight of the past in the average, above 0 and below 1.
+    `past` is the weight of the past in the average, above 0 and below 1.
     """
 
     def __init__(self, past: float) -> None:

@@ -176,14 +176,10 @@ def set_ups() -> Iterator[Robot]:
 def simulate(
     setting: tuple[Robot, bool], drives: Sequence[int] = range(len(DRIVE[1].values) + 1)
 ) -> np.ndarray:
-    """Simulate the drives of one robot on every ground.
+    """Simulate the drives of a robot, with held struts or not, on every ground.
 
-    Args:
-        setting: the robot, and whether its struts are held.
-        drives: numbers of drives; the last drive of all weaves.
-
-    Returns:
-        Whole numbers (3, drives, T + 1, C) int16, one ground after the other.
+    Whole numbers (3, drives, T + 1, C) int16, one ground after the other. The last
+    drive of all weaves.
     """
     from sidm.simulation import Simulator
 
@@ -223,12 +219,7 @@ def make(study: Any, workers: int) -> None:
 
 @functools.cache
 def read(folder: Path = FOLDER) -> Grid:
-    """Read the stored rides.
-
-    Raises:
-        FileNotFoundError: there are none.
-        Damaged: a file is not as it was written.
-    """
+    """Read the stored rides; FileNotFoundError says that there are none."""
     arrays = read_arrays(folder / "rides.npz")
     parts = np.split(arrays["packed"], arrays["ends"][:-1])
     packed = tuple(part.tobytes() for part in parts)

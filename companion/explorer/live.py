@@ -42,7 +42,6 @@ LOOK = """<style>
 def _cached_ride(
     robot: Robot, roughness: float, seed: int, throttle: float, steps: int, motors: bool
 ) -> Ride:
-    """A ride, simulated only once for the same settings."""
     ground = Terrain(cell_height_scale=roughness, size=SIZE)
     return ride(robot, ground, seed, throttle, steps=steps, strut_motors=motors)
 
@@ -51,8 +50,7 @@ def _cached_ride(
 def helper_process() -> tuple[Executor, Future]:
     """A process for the second ride, so that two rides take no longer than one.
 
-    Returns:
-        The process, and its first result, which is done as soon as the process runs.
+    Its first result is done as soon as the process runs.
     """
     stack = contextlib.ExitStack()
     atexit.register(stack.close)
@@ -61,13 +59,7 @@ def helper_process() -> tuple[Executor, Future]:
 
 
 def both_rides(first: Robot, second: Robot, *settings: Any) -> tuple[Ride, Ride]:
-    """The rides of two robots with the same settings.
-
-    Args:
-        first: parameters of the first robot.
-        second: parameters of the second robot.
-        *settings: roughness, terrain seed, throttle, steps and motors.
-    """
+    """The rides of two robots with the same settings, those of `_cached_ride`."""
     process, ready = helper_process()
     if not ready.done():
         return _cached_ride(first, *settings), _cached_ride(second, *settings)
@@ -83,20 +75,11 @@ def softer(robot: Robot) -> float:
 def explorer(
     first: str = "system1 novice", second: str | None = None, steps: int = 25
 ) -> Any:
-    """Sliders for the suspension of one robot beside another one.
+    """Sliders for the suspension of one robot beside another one, an ipywidgets box.
 
-    Args:
-        first: the robot of ROBOTS that the sliders start from.
-        second: the robot of ROBOTS that it is compared with; None: its twin with a
-            softer spring.
-        steps: control steps of a ride.
-
-    Returns:
-        An ipywidgets box with the controls, both robots in words, the picture, and the
-        rides in three dimensions.
-
-    Raises:
-        ConfigError: there is no such robot.
+    It has the controls, both robots in words, the picture, and the rides in three
+    dimensions. The robots are names of ROBOTS, else there is a ConfigError; by default
+    the second is the first's twin with a softer spring.
     """
     import ipywidgets as widgets
 
@@ -198,11 +181,10 @@ def _film(rides: dict[str, Ride], scroll: bool) -> str:
 def _controls(
     widgets: Any, first: str, second: str | float
 ) -> tuple[Any, dict[str, Any], dict[str, Any], dict[str, Any]]:
-    """The controls of the explorer.
+    """The controls of the explorer: the box, choices of robots, sliders and buttons.
 
-    Returns:
-        All in a box; the choices of the two robots by 'first' and 'second'; the sliders
-        by setting; the buttons by 'drive', 'take', 'springs' and the names of PAIRS.
+    The choices are 'first' and 'second'; the sliders have the names of settings; the
+    buttons are 'drive', 'take', 'springs' and the names of PAIRS.
     """
     wide: dict[str, Any] = {
         "style": {"description_width": "15em"},
@@ -269,9 +251,6 @@ def _controls(
 
 
 def with_picture(box: Any) -> dict[str, Any]:
-    """An explorer by MIME types, with its picture for pages without a kernel.
-
-    It is meant for `display(..., raw=True)`.
-    """
+    """An explorer by MIME types for `display(..., raw=True)`, with its picture."""
     png = box.children[2].value.partition("base64,")[2].partition('"')[0]
     return box._repr_mimebundle_() | {"image/png": png}

@@ -41,13 +41,7 @@ WARTHOG_DRIVE = 23  # index of the drive; it turns more than most
 
 
 def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
-    """Simulate the start of a collected trajectory again, with struts and joints.
-
-    Args:
-        collection: the collection that the trajectory belongs to.
-        index: number of the trajectory.
-        steps: number of control steps.
-    """
+    """Simulate the start of a collected trajectory again, with struts and joints."""
     from sidm.simulation import Simulator, simulate_trajectory
     from sidm.simulation.collecting import draw_attempt
     from sidm.systems import find_system
@@ -66,7 +60,7 @@ def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
 def predicted_track(
     states: np.ndarray, skeleton: Skeleton, name: str, colour: str
 ) -> Track:
-    """The track of a ghost that moves through predicted states.
+    """The track of a ghost that moves through predicted states (K + 1, 13).
 
     Args:
         states: (K + 1, 13), one per control step.
@@ -124,11 +118,7 @@ def rollout_scene(rows: Sequence[Any], number: int) -> Scene:
 
 
 def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
-    """A drive of the real Warthog, and the path that a model predicts from its start.
-
-    Args:
-        recordings: folder with the recording and the stored model.
-    """
+    """A drive of the real Warthog, and the path that a model predicts for it."""
     drives = ownrobot.read_drives(
         recordings / "warthog.csv.gz", recordings / "skid_steer.yaml"
     )

@@ -40,10 +40,9 @@ AXLES = {"rear": (0, 1), "front": (2, 3)}  # right and left strut
 
 
 def rides_figure(rides: Mapping[str, Ride]) -> Figure:
-    """Height, tilt, strut travel and path of up to two rides.
+    """Height, tilt, strut travel and path of up to two rides by label.
 
-    Args:
-        rides: label -> ride; the ground of the first ride is drawn under the paths.
+    The ground of the first ride is drawn under the paths.
     """
     with plt.style.context(STYLE):
         figure, plots = plt.subplot_mosaic(
@@ -69,7 +68,6 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
 def _draw_ride(
     plots: Mapping[str, Axes], name: str, ride: Ride, line: dict[str, Any]
 ) -> None:
-    """Draw one ride into the plots, with the stops of its struts."""
     time, position = ride.times, ride.states[:, POSITION]
     plots["height"].plot(time, position[:, 2], label=name, **line)
     for angle, alpha in zip(tilt(ride.states), (1.0, PALER), strict=True):

@@ -32,14 +32,10 @@ def film(
     heights: np.ndarray,
     goal: np.ndarray | None = None,
 ) -> bytes:
-    """An animated GIF of paths in real time.
+    """An animated GIF of paths (K + 1, 2), m, in real time.
 
-    Args:
-        paths: (K + 1, 2) each, m, at the control steps; a shorter path stays at its
-            end.
-        styles: of the paths' lines, each with a label.
-        heights: (H, W), m, the ground; higher ground is darker.
-        goal: (2,) m, to be marked.
+    A shorter path stays at its end; each has a style with a label. The ground has
+    heights (H, W), m; a goal (2,) is marked.
     """
     longest = max(len(path) for path in paths)
     padded = [
@@ -118,7 +114,6 @@ def _background(
 
 
 def _gif(frames: list[Image.Image]) -> bytes:
-    """An endless GIF with one frame per control step."""
     small = [
         frame.quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         for frame in frames

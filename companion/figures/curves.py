@@ -65,18 +65,9 @@ def _curves(
     words: str = "",
     **other: Any,
 ) -> set[float]:
-    """Draw the curves of Figure 3 for some methods.
+    """Draw the curves of Figure 3 for some methods, and return their sizes, min.
 
-    Args:
-        axes: to draw on.
-        frame: results.
-        system: of these results.
-        methods: of these results.
-        words: added to the labels.
-        other: styles that replace those of METHOD_STYLES.
-
-    Returns:
-        The sizes of the novice data, min.
+    `words` are added to the labels; `other` styles replace those of METHOD_STYLES.
     """
     drawn: set[float] = set()
     for method in methods:
@@ -102,11 +93,7 @@ def changed_choices(
 ) -> Figure:
     """Figure 3's curves of the paper's methods, with and without a changed choice.
 
-    Args:
-        frame: results of Figure 3.
-        changed: results with the choice changed, drawn with hollow marks.
-        words: added to the labels of the changed curves.
-        systems: one plot each.
+    The changed ones have hollow marks, and `words` in their labels.
     """
     figure, plots = system_panels(frame, systems, **LOSS_BY_SIZE)
     hollow: dict[str, Any] = {"mfc": "white", "linewidth": 1}

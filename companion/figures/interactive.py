@@ -1,4 +1,8 @@
-"""Interactive Figure 3, which Vega draws in the reader's browser without a kernel."""
+"""Charts that Vega draws in the reader's browser without a kernel: Figure 3.
+
+A chart has three parameters, which book/static/charts.js sets to colours of the page:
+`ink` of text and axes, `faint` of grids, `paper` of the background.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +14,38 @@ import altair as alt
 import pandas as pd
 
 from companion.figures.style import METHOD_STYLES, system_label
-from companion.figures.themed import themed
 from companion.statistics.savings import ratio_texts
 
+INK, FAINT, PAPER = "#222832", "#d8d8d8", "#ffffff"  # in light mode and elsewhere
+TEXT = 13  # size of text, pixels
 #: Matplotlib's line style -> dashes of Vega.
 DASHES = {"-": [1, 0], "--": [6, 3], ":": [2, 2], "-.": [6, 2, 2, 2]}
+
+
+def themed(chart: Any, words: str) -> dict[str, Any]:
+    """The specification of a chart in the page's colours, as wide as its place."""
+    ink, faint, paper = (
+        alt.param(name=name, value=value)
+        for name, value in (("ink", INK), ("faint", FAINT), ("paper", PAPER))
+    )
+    text = {
+        "labelColor": {"expr": "ink"},
+        "titleColor": {"expr": "ink"},
+        "labelFontSize": TEXT,
+        "titleFontSize": TEXT,
+        "titleFontWeight": "normal",
+    }
+    lines = {name: {"expr": "faint"} for name in ("gridColor", "domainColor")}
+    return (
+        chart.add_params(ink, faint, paper)
+        .properties(width="container", description=words)
+        .configure(background=alt.ExprRef("paper"), font="sans-serif")
+        .configure_axis(**text, **lines, tickColor={"expr": "faint"})
+        .configure_legend(**text)
+        .configure_title(color={"expr": "ink"}, fontSize=TEXT + 1, anchor="start")
+        .configure_view(stroke=None)
+        .to_dict(validate=False)
+    )
 
 
 def figure3(
@@ -23,14 +54,8 @@ def figure3(
     """The specification of Figure 3's chart.
 
     The reader chooses the system, switches methods on and off, and points at a seed to
-    read its loss.
-
-    Args:
-        frame: results of Figure 3.
-        saved: how many times its data training without SIDM needs, as `savings` gives
-            it.
-        methods: to be drawn.
-        words: what the chart shows, for readers who cannot see it.
+    read its loss. `saved` is made by `savings`; `words` say what the chart shows, for
+    readers who cannot see it.
     """
     styles = [METHOD_STYLES[name] for name in methods]
     labels = [style["label"] for style in styles]
@@ -112,17 +137,14 @@ def _dashes(line: Any) -> list[int]:
 
 
 def _number(field: str, title: str) -> Any:
-    """A tooltip with a number of three decimals."""
     return alt.Tooltip(f"{field}:Q", title=title, format=".3f")
 
 
 def _labels(methods: pd.Series) -> pd.Series:
-    """The labels of methods."""
     return methods.map(lambda name: METHOD_STYLES[name]["label"])
 
 
 def _seeds(frame: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
-    """One row per trial: system, method, minutes, seed, loss."""
     columns = ["system", "method", "novice_minutes", "seed", "validation_loss"]
     rows = frame[frame.method.isin(methods)][columns]
     names = {"novice_minutes": "minutes", "validation_loss": "loss"}
@@ -132,11 +154,7 @@ def _seeds(frame: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
 def _means(
     frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str]
 ) -> pd.DataFrame:
-    """One row per system, method and size.
-
-    It has the mean `loss`, and `saved`: how many times its data training without SIDM
-    needs, as text.
-    """
+    """One row per system, method and size: the mean `loss`, and `saved` as text."""
     point = ["system", "method", "minutes"]
     means = _seeds(frame, methods).groupby(point).loss.mean().reset_index()
     times = saved.assign(method=_labels(saved.method), saved=ratio_texts(saved))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import by_method_and_size, size_style
@@ -16,12 +19,8 @@ from sidm.plots import finish, side_by_side, styled
 def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     """Figure 4: deviation of predicted from actual paths over time, and an example.
 
-    The example is seen from above.
-
-    Args:
-        frame: results of one system; lines are means over the trials, shades their
-            standard error.
-        seed: of the trials whose paths the example shows.
+    Lines are means over the trials of one system, shades their standard error. The
+    example, seen from above, has the paths of the trials of a seed.
     """
     figure, (left, right) = side_by_side(2)
     left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
@@ -31,14 +30,7 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     for method, minutes, group in by_method_and_size(frame):
         style = size_style(method, sizes.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        # (S, K + 1)
-        errors = np.array([(0.0, *error) for error in group.position_error])
-        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
-        left.plot(time, mean, label=label, **style)
-        if len(errors) > 1:
-            error = errors.std(0, ddof=1) / np.sqrt(len(errors))
-            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
-            left.fill_between(time, mean - error, mean + error, **shade)
+        draw_deviation(left, group, label, style)
         for path in group[group.seed == seed].example_predicted:
             right.plot(*np.array(path).T, **style)  # the styles of the left plot
     for path in frame[frame.seed == seed].example_actual[:1]:
@@ -51,6 +43,20 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     return figure
 
 
+def draw_deviation(
+    axes: Axes, group: pd.DataFrame, label: str, style: dict[str, Any]
+) -> None:
+    """Draw the mean deviation of trials over time, with its standard error as shade."""
+    # (S, K + 1)
+    errors = np.array([(0.0, *error) for error in group.position_error])
+    time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
+    axes.plot(time, mean, label=label, **style)
+    if len(errors) > 1:
+        error = errors.std(0, ddof=1) / np.sqrt(len(errors))
+        shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
+        axes.fill_between(time, mean - error, mean + error, **shade)
+
+
 #: Time of a prediction with its unit -> index of its step.
 STEPS = {"0.5 s (m)": 4, "1 s (m)": 9, "2.5 s (m)": 24}
 
@@ -58,12 +64,8 @@ STEPS = {"0.5 s (m)": 4, "1 s (m)": 9, "2.5 s (m)": 24}
 def mean_errors(frame: pd.DataFrame) -> pd.DataFrame:
     """Mean errors of predicted paths, by size of the novice's data and method.
 
-    Args:
-        frame: results of one system.
-
-    Returns:
-        Columns: `trials`, their number; the distances from the actual positions after
-        the times STEPS; the error of the heading after the last of them.
+    Columns, for one system: `trials`, their number; the distances from the actual
+    positions after the times STEPS; the error of the heading after the last of them.
     """
     errors = {name: frame.position_error.str[k] for name, k in STEPS.items()}
     headings = np.degrees(frame.heading_error.str[24].astype(float))

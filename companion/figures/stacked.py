@@ -71,10 +71,9 @@ def _in_picture(part: BboxBase, picture: BboxBase, dpi: float) -> Part:
 def parts(figure: Figure) -> dict[str, list[Row]]:
     """Boxes, in inches, of what a drawn figure consists of, row by row.
 
-    Returns:
-        `plots`: each plot is a row, with the labels that a neighbour has for it; a bar
-        of colours stays beside the plot next to it; a box of height 0 is a spacer.
-        `title`: what is written above all plots. `legend`: the entries of legends.
+    `plots`: each plot is a row, with the labels that a neighbour has for it; a bar of
+    colours stays beside the plot next to it; a box of height 0 is a spacer. `title`:
+    what is written above all plots. `legend`: the entries of legends.
     """
     inches = figure.dpi_scale_trans.inverted()
     found: dict[str, list[Row]] = {
@@ -122,11 +121,9 @@ def _extent(axes: Axes) -> BboxBase | None:
 
 
 def _rows(axes: Axes, box: BboxBase) -> list[Row]:
-    """The rows of a plot: left of it and below it what a plot that shares an axis has.
+    """The rows of a plot with its box, pixels.
 
-    Args:
-        axes: the plot.
-        box: of the plot and what belongs to it, in pixels.
+    Left of it and below it stands what a plot has that shares an axis.
     """
     left, below = _labels(axes, "y"), _labels(axes, "x")
     row: list[BboxBase] = [box]

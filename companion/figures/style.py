@@ -30,10 +30,10 @@ _STYLES: dict[str, tuple[str, Any, str]] = {
     "pretrain_finetune": ("#CC79A7", ":", "D"),
     # methods that may do better, and the method without a network
     "least_squares": ("#009E73", (0, (3, 1, 1, 1)), "P"),
-    "corrected": ("#D55E00", (0, (3, 1, 1, 1)), "p"),
-    "corrected_mirrored": ("#882255", "-", "h"),
+    "corrected": ("#8C6D00", (0, (3, 1, 1, 1)), "p"),
+    "corrected_mirrored": ("#332288", "-", "h"),
     "corrected_averaged": ("#44AA99", (0, (5, 1)), "H"),
-    "mirrored": ("#009E73", "-", "*"),
+    "mirrored": ("#882255", "-", "*"),
     "averaged": ("#7F3FBF", (0, (5, 1)), "X"),
     "tethered": ("#000000", (0, (1, 1)), "v"),
     "adapters": ("#8C6D00", "-.", "P"),
@@ -45,7 +45,6 @@ _PLAIN = "#555555", "-", "."  # for methods that no curve shows
 
 
 def _style(colour: str, line: Any, marker: str) -> dict[str, Any]:
-    """Matplotlib's options for a line."""
     return {"color": colour, "linestyle": line, "marker": marker}
 
 
@@ -86,12 +85,7 @@ LOSS_BY_SIZE = dict(
 
 
 def html_picture(figure: Figure, words: str) -> str:
-    """A figure as HTML, for a page that shows a figure of another page.
-
-    Args:
-        figure: to be shown.
-        words: what the figure shows, for readers who cannot see it.
-    """
+    """A figure as HTML, with words for readers who cannot see it."""
     file = io.BytesIO()
     figure.savefig(file, format="png")
     data = base64.b64encode(file.getvalue()).decode()
@@ -99,13 +93,7 @@ def html_picture(figure: Figure, words: str) -> str:
 
 
 def html_chart(specification: dict[str, Any], figure: Figure, words: str) -> str:
-    """A Vega chart as HTML, which book/static/charts.js draws.
-
-    Args:
-        specification: of the chart.
-        figure: shown until the chart is drawn.
-        words: what the figure shows, for readers who cannot see it.
-    """
+    """A Vega chart as HTML, which book/static/charts.js draws over the figure."""
     picture, script = html_picture(figure, words), json_script(specification, "chart")
     return f'<div class="vega-chart">{picture}{script}</div>'
 
@@ -122,14 +110,7 @@ def half_width(heights: np.ndarray) -> float:
 
 
 def draw_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) -> None:
-    """Draw a ground seen from above, in greys pale enough for lines on it.
-
-    Args:
-        axes: to draw on.
-        heights: (H, H), m.
-        palest: height with the palest grey, m.
-        darkest: height with the darkest grey, m.
-    """
+    """Draw a ground (H, H), m, seen from above, in greys pale enough for lines."""
     half = half_width(heights)
     axes.imshow(
         heights,
@@ -158,16 +139,9 @@ def system_label(system: str) -> str:
 def system_panels(
     table: pd.DataFrame, systems: Sequence[str], title: str = "{}", **options: Any
 ) -> tuple[Figure, list[tuple[Axes, pd.DataFrame]]]:
-    """A figure with one plot per system, two in a row.
+    """A figure with a plot per system, two in a row, and its rows of a table.
 
-    Args:
-        table: with a column `system`.
-        systems: one plot each.
-        title: of each plot; '{}' stands for the name of the system.
-        options: of `Axes.set`, for all plots.
-
-    Returns:
-        The figure, and the axes of each plot with the system's rows of the table.
+    In the title '{}' stands for the name of the system; options are of `Axes.set`.
     """
     figure, panels = side_by_side(len(systems), min(len(systems), 2))
     plots = []

@@ -25,11 +25,8 @@ ITERATIONS = "iterations"
 class Ablations:
     """Ablations by the name of their setting, each with Figure 3's value.
 
-    Args:
-        study: preset, data and results.
-        systems: the pairs of robots.
-        values: ablated setting -> its values, as in `ablations.with_usual`.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    `values` are those of each setting, as in `ablations.with_usual`; sizes are those of
+    the preset's ablations by default.
     """
 
     def __init__(
@@ -107,7 +104,7 @@ class Ablations:
     def figure(self, *names: str) -> Figure:
         """Losses by the values of some settings, side by side."""
         tables = {name: self.tables[name] for name in names}
-        return ablations.comparison_figure(tables, self.systems, self.usual)
+        return ablations.figure(tables, self.systems, self.usual)
 
     def page_tables(self) -> Iterator[tuple[str, pd.DataFrame]]:
         """Title and table of each setting and size, for a page."""

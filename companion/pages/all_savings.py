@@ -15,7 +15,7 @@ from companion.engine.store import Results
 from companion.figures.style import system_label
 from companion.methods import FOR_LITTLE
 from companion.statistics import savings
-from companion.statistics.data_ratio import NO_VALUE
+from companion.statistics.efficiency import NO_VALUE
 from companion.statistics.stopping_rules import RULES
 from companion.studies import tuning
 from companion.studies.decisive import verdicts

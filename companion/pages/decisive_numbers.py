@@ -5,8 +5,8 @@ from __future__ import annotations
 import pandas as pd
 
 from companion.pages.markdown import known_text
-from companion.statistics.data_ratio import NO_VALUE, DataRatio
-from companion.studies.decisive import sensitivity, verdicts
+from companion.statistics.efficiency import NO_VALUE, DataRatio
+from companion.studies.decisive import along, verdicts
 from companion.studies.decisive.arms import FINETUNING
 from companion.studies.decisive.verdicts import AT, END, RELEASED, SMALL
 
@@ -35,16 +35,12 @@ CAPPED = {
 
 
 def texts(frame: pd.DataFrame) -> dict[str, str]:
-    """Ratios with their intervals, and a p-value; 'not run' where trainings lack.
-
-    Args:
-        frame: rows of `verdicts.results`.
-    """
+    """Ratios with their intervals, and a p-value; 'not run' where trainings lack."""
     ratios = {
         name: verdicts.sidm_saving(frame, *where) for name, where in SAVINGS.items()
     }
     for name, (system, sizes) in CAPPED.items():
-        ratios[name] = sensitivity.ratio_at_best(frame, system, sizes)
+        ratios[name] = along.ratio_at_best(frame, system, sizes)
     found = {name: _text(ratio, 2) for name, ratio in ratios.items()}
     tuned = frame[(frame.recipe == "T") & (frame.system == "system1")]
     losses = verdicts.losses_by(tuned, END)
@@ -61,11 +57,7 @@ def texts(frame: pd.DataFrame) -> dict[str, str]:
 
 
 def unit_texts(frame: pd.DataFrame) -> dict[str, str]:
-    """Losses with standardised units over those with raw ones, seed by seed.
-
-    Args:
-        frame: rows of `search.compare_units`.
-    """
+    """Losses with standardised units over those with raw ones, seed by seed."""
     found = {}
     for method, name in (("sidm", "units-sidm"), ("novice_only", "units-alone")):
         trained = frame[frame.method == method].set_index("seed")

@@ -14,12 +14,7 @@ POINT = ["system", "novice_minutes", "method"]
 
 
 def losses(frame: pd.DataFrame, systems: Sequence[str]) -> pd.DataFrame:
-    """Losses as texts, mean (smallest, largest): a row a size, a column a method.
-
-    Args:
-        frame: results of Figure 3.
-        systems: pairs of robots, in their order in the table.
-    """
+    """Losses as texts, mean (smallest, largest): a row a size, a column a method."""
     means = loss_summary(frame, POINT)
     columns = means[["mean", "minimum", "maximum"]].itertuples(index=False)
     texts = ["{:.3f} ({:.2f}, {:.2f})".format(*line) for line in columns]

@@ -18,7 +18,7 @@ from companion.figures.curves import figure3
 from companion.figures.paths import figure4
 from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
-from companion.pages.glue import glued, outputs
+from companion.pages.page import glued, outputs
 from companion.statistics import claims
 from companion.statistics.savings import savings
 from companion.studies.decisive import verdicts
@@ -58,10 +58,9 @@ def long_trained(decisive: pd.DataFrame) -> pd.DataFrame:
 def headline_numbers(stored: Stored) -> list[str]:
     """The README's numbers: how many times less novice data the methods need.
 
-    Returns:
-        The numbers, each for one system after the other: ratio and ends of its interval
-        for an SIDM with 5 min, trained as the authors' code trains; the same with each
-        method at its best; the same for fine-tuning with 5 min.
+    They are, each for one system after the other: ratio and ends of its interval for an
+    SIDM with 5 min, trained as the authors' code trains; the same with each method at
+    its best; the same for fine-tuning with 5 min.
     """
     frame, _, decisive = stored
     long = long_trained(decisive)[["value", "low", "high"]]
@@ -73,11 +72,7 @@ def headline_numbers(stored: Stored) -> list[str]:
 
 
 def stored_results(data: str | Path = "data") -> Stored:
-    """Stored results behind the README's numbers.
-
-    Args:
-        data: the folder of simulated motion.
-    """
+    """Stored results behind the README's numbers."""
     study, store = Study(PRESET, data), Results("results")
     trials = [
         *grid(PRESET, "3", data=data),
@@ -107,17 +102,17 @@ def headlines(stored: Stored) -> list[Headline]:
     finetuned = frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))]
     long = long_trained(decisive)
     groups = [
-        (f"an SIDM with 5 min, {how}", ends, decisive, "decisive", systems)
+        (f"an SIDM with 5 min, {how}", decisive, "decisive", systems)
         for verdict, how in TRAINED.items()
         if len(systems := long[long.verdict == verdict].system)
     ]
-    groups.append(("fine-tuning with 5 min", ends, finetuned, "3", PAPER_SYSTEMS))
+    groups.append(("fine-tuning with 5 min", finetuned, "3", PAPER_SYSTEMS))
     origins = []
-    for method, group_ends, trials, figure, systems in groups:
+    for method, trials, figure, systems in groups:
         command = f"companion run --preset {PRESET} --figure {figure}"
         for system in systems:
             count = int((trials.system == system).sum())
-            for end in group_ends:
+            for end in ends:
                 origins.append((f"{system}: {ratio} {method}{end}", count, command))
     numbers = headline_numbers(stored)
     return [
@@ -138,8 +133,8 @@ class Glued(NamedTuple):
 def glued_numbers(text: str, notebooks: Path = NOTEBOOKS) -> list[Glued]:
     """The numbers that a page's Markdown takes from notebooks, in the page's order.
 
-    Raises:
-        ValueError: a notebook has no such number, or no line of provenance after it.
+    ValueError says that a notebook has no such number, or no line of provenance after
+    it.
     """
     return [
         _glued(notebooks / f"{chapter}.ipynb", name)

@@ -89,13 +89,9 @@ def in_sentence(texts: Sequence[str], systems: Iterable[str] = ()) -> str:
 def provenance_line(frame: pd.DataFrame, *commands: str) -> str:
     """Where results come from, as the line under a table or a figure.
 
-    Args:
-        frame: the results, from `Results.frame`, `Records.frame` or both.
-        *commands: the command lines that run the trials again.
-
-    Returns:
-        The line: number of trials, dates, versions of the code, devices, hours, and the
-        commands.
+    It has the number of trials, dates, versions of the code, devices, hours, and the
+    commands that run the trials again. `frame` is made by `Results.frame`,
+    `Records.frame` or both.
     """
     again = ", ".join(f"`{command}`" for command in commands)
     if not len(frame):
@@ -132,9 +128,7 @@ def provenance_html(frame: pd.DataFrame, *commands: str) -> str:
 def made_here(command: str, kind: str = "training") -> str:
     """Provenance in Markdown of what a page has simulated or computed itself.
 
-    Args:
-        command: runs the page again.
-        kind: kind of work, a name in `companion.numerics`.
+    `kind` of work is a name in `companion.numerics`.
     """
     origin = here(0.0, 1, kind=kind)
     return _folded(
@@ -145,20 +139,14 @@ def made_here(command: str, kind: str = "training") -> str:
 
 
 def _folded(line: str, inside: str = "\n\n{}\n\n") -> str:
-    """HTML that shows the line up to its first semicolon, and the rest on a click.
-
-    `inside` is the template of the rest; by default the rest is Markdown.
-    """
+    """HTML that shows the line up to its first semicolon, and the rest on a click."""
     count, _, rest = line.partition("; ")
     summary = f"<summary>{count}</summary>"
     return f'<details class="provenance">{summary}{inside.format(rest)}</details>'
 
 
 def stored_line(store: Results, trials: Sequence[Trial], *commands: str) -> str:
-    """How many trials are stored, and the commands that run the missing ones.
-
-    Missing trials are counted by system.
-    """
+    """How many trials are stored, and the commands that run the missing ones."""
     missing = store.missing(trials)
     if not missing:
         return f"All {len(trials)} trials are stored."
@@ -175,14 +163,7 @@ def stored_line(store: Results, trials: Sequence[Trial], *commands: str) -> str:
 
 
 def stored_count(stored: int, total: int, things: str, command: str) -> str:
-    """How many of a study's results are stored, and the command that makes the others.
-
-    Args:
-        stored: number of stored results.
-        total: number of results that the study needs.
-        things: what the results are, in the plural.
-        command: the command line.
-    """
+    """How many of a study's results are stored, and what makes the others."""
     if stored == total:
         return f"All {total} {things} are stored."
     return f"{stored} of {total} {things} are stored; `{command}` makes the others."

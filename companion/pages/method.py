@@ -13,18 +13,20 @@ from matplotlib.figure import Figure
 from torch import Tensor, nn
 
 from companion.figures.style import METHOD_STYLES
-from companion.pages.markdown import markdown_table
+from companion.pages.markdown import markdown_table, table_markdown
+from companion.statistics.tables import component_errors
 from sidm import rotations
 from sidm.body import ROVER
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, STEPS
 from sidm.learning import (
     SIDM,
+    Datasets,
     Decoder,
     Discriminator,
-    DynamicsModel,
     Encoder,
     parameter_count,
     robot_centred_map,
+    validation_loss,
 )
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import (
@@ -33,22 +35,19 @@ from sidm.learning.training import (
     matching_iteration,
     prediction_phase,
 )
+from sidm.plots import styled
 from sidm.settings import Network
-from sidm.systems import GRID_SPACING, ROLES
-from sidm.terrain import height_at
+from sidm.systems import GRID_SPACING, System
+from sidm.terrain import generate_terrain, height_at
 
 SAMPLES = "samples seen (1,000 control steps)"
 CANNOT_TELL = 0.5  # accuracy of a discriminator that the latents tell nothing
-SPEEDS = 1.0, 1.5  # m/s, of novice and expert in circles
-TURN = 0.5  # rad/s, of both
+SPEED, TURN = 1.0, 0.5  # m/s and rad/s, of a drive in a circle
 
 
+@styled
 def training_figure(trained: Mapping[str, Trained]) -> Figure:
-    """Losses of trainings and the discriminator's accuracy against samples seen.
-
-    Args:
-        trained: name of a method -> its training, with `sidm` among them.
-    """
+    """Losses of trainings, one of them `sidm`, and the discriminator's accuracy."""
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(8.2, 4.4), layout="constrained", width_ratios=(5, 4)
     )
@@ -73,7 +72,6 @@ def training_figure(trained: Mapping[str, Trained]) -> Figure:
     right.set(ylabel="discriminator's accuracy (-)", title="are the robots told apart?")
     lines = left.get_legend_handles_labels()
     figure.legend(*lines, loc="outside lower center", ncols=4)
-    plt.close(figure)
     return figure
 
 
@@ -90,37 +88,46 @@ def _draw_losses(axes: Axes, style: Mapping[str, Any], run: Trained) -> None:
     axes.plot(samples[best], tested[best], color=colour, marker="o", markersize=10)
 
 
-def same_start(network: Network, seed: int) -> bool:
-    """Whether the novice's initial weights are the same with and without an expert."""
-    together, alone = (
-        DynamicsModel(network, seed=seed, roles=roles).state_dict()
-        for roles in (ROLES, ROLES[:1])
-    )
-    return all(torch.equal(together[name], alone[name]) for name in alone)
+def errors_table(trained: Mapping[str, Trained], datasets: Datasets) -> str:
+    """Root mean squared error of each component on validation data, in Markdown.
+
+    The last column is a model that always predicts the mean of its training data.
+    """
+    losses = {
+        METHOD_STYLES[method]["label"]: validation_loss(run.model, datasets.validation)
+        for method, run in trained.items()
+    }
+    mean = datasets.train.targets.mean((0, 1))
+    squares = (datasets.validation.targets - mean).square()
+    losses["always the mean"] = squares.mean((0, 1))
+    table = component_errors({name: [loss.tolist()] for name, loss in losses.items()})
+    return table_markdown(table)
 
 
-def circles(heights: np.ndarray) -> Tensor:
-    """States (2, STEPS + 1, 13) of two bodies that slide in circles without tilting."""
-    speed = torch.tensor(SPEEDS, dtype=torch.float64)[:, None]
-    yaw = (TURN * CONTROL_STEP * torch.arange(STEPS + 1)).double().expand(2, -1)
-    x, y = speed / TURN * yaw.sin(), speed / TURN * (1 - yaw.cos())
+def circle(heights: np.ndarray) -> Tensor:
+    """States (STEPS + 1, 13) of a body that slides in a circle without tilting."""
+    yaw = (TURN * CONTROL_STEP * torch.arange(STEPS + 1)).double()
+    x, y = SPEED / TURN * yaw.sin(), SPEED / TURN * (1 - yaw.cos())
     z = torch.from_numpy(height_at(heights, x.numpy(), y.numpy())) + 0.17
-    states = torch.zeros(2, STEPS + 1, 13, dtype=torch.float64)
+    states = torch.zeros(STEPS + 1, 13, dtype=torch.float64)
     states[..., POSITION] = torch.stack([x, y, z], dim=-1)
     states[..., QUATERNION] = rotations.from_yaw(yaw)
-    states[..., 7], states[..., 12] = speed, TURN  # forward velocity, yaw rate
+    states[..., 7], states[..., 12] = SPEED, TURN  # forward velocity, yaw rate
     return states
 
 
-def map_figure(heights: np.ndarray, states: Tensor, step: int, pixels: int) -> Figure:
-    """A drive over ground from above, and what the network sees at one of its steps.
+@styled
+def map_figure(pair: System, terrain_seed: int, step: int, pixels: int) -> Figure:
+    """A drive in a circle from above, and what the network sees at one of its steps.
 
     Args:
-        heights: (H, W), m, of the ground.
-        states: (T + 1, 13), of the drive.
+        pair: whose ground it is.
+        terrain_seed: of the ground.
         step: of the drive.
         pixels: along a side of the height map.
     """
+    heights = generate_terrain(pair.terrain, terrain_seed)
+    states = circle(heights)
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.2, 3.7), layout="constrained")
     state, reach = states[step], ROVER.map_size / 2
     half = (len(heights) - 1) * GRID_SPACING / 2
@@ -147,7 +154,6 @@ def map_figure(heights: np.ndarray, states: Tensor, step: int, pixels: int) -> F
     right.grid(False)
     label = "height above the robot (m)"
     figure.colorbar(picture, ax=(left, right), label=label, shrink=0.8)
-    plt.close(figure)
     return figure
 
 

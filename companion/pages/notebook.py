@@ -12,14 +12,10 @@ from sidm.config import ConfigError, hint
 
 
 def project_root(start: Path | None = None) -> Path:
-    """The project's folder that has `start` inside.
+    """The project's folder: the nearest above `start` with notebooks and this package.
 
-    Args:
-        start: a folder; by default the working folder.
-
-    Returns:
-        The nearest folder above `start` with notebooks and this package, or the folder
-        of this file's project where there is none.
+    `start` is the working folder by default. Where there is none, it is the folder of
+    this file's project.
     """
     start = Path(start or Path.cwd()).resolve()
     for folder in (start, *start.parents):
@@ -50,14 +46,9 @@ def notebooks(root: Path | None = None) -> list[Path]:
 
 
 def find_notebook(name: str) -> Path:
-    """The notebook with this path or name.
+    """The notebook with this path or name, with or without its number, as `04-figure3`.
 
-    Args:
-        name: a path; or a name with or without its number, as `04-figure3` or
-            `figure3`. The number is ignored.
-
-    Raises:
-        ConfigError: there is none; the message has the nearest name.
+    ConfigError says that there is none, and the nearest name.
     """
     if Path(name).is_file():
         return Path(name)

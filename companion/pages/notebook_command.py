@@ -56,14 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_from_arguments(arguments: argparse.Namespace) -> int:
-    """Carry out `companion notebook`.
+    """Carry out `companion notebook`; returns the exit status, 0.
 
-    Returns:
-        The exit status, 0.
-
-    Raises:
-        ConfigError: an argument has a fault; no notebook was run.
-        NotebookError: a notebook failed.
+    ConfigError says that an argument has a fault, and no notebook was run;
+    NotebookError, that a notebook failed.
     """
     is_all = arguments.notebook == "all"
     paths = notebooks() if is_all else [find_notebook(arguments.notebook)]
@@ -79,7 +75,6 @@ def run_from_arguments(arguments: argparse.Namespace) -> int:
 
 
 def _refuse(arguments: argparse.Namespace) -> None:
-    """Raise ConfigError for arguments that cannot be combined."""
     changes = arguments.output or arguments.parameter or arguments.file
     if arguments.in_place and changes:
         raise ConfigError(
@@ -136,7 +131,6 @@ def _from_here(value: Any, parameter: Parameter) -> Any:
 
 
 def _show(path: Path) -> None:
-    """Print a notebook's parameters."""
     print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
     for name, parameter in inspect(path).items():
         declaration = f"{name}: {parameter.kind_text} = {parameter.default}"

@@ -39,20 +39,13 @@ def cores() -> int:
 
 
 def execute(runs: Sequence[Run], root: Path, jobs: int | None = None) -> None:
-    """Execute notebooks in parallel.
+    """Execute notebooks in parallel, in the project's folder `root`.
 
     Notebooks that run missing trials run one after the other, because they use each
     other's trials. When a notebook fails, its copy keeps the outputs up to the error; a
-    notebook that was to be refreshed stays as it was.
-
-    Args:
-        runs: the notebooks.
-        root: the project's folder, which is the kernels' working folder.
-        jobs: number of kernels at a time; by default the number of cores. Several
-            kernels have one thread each.
-
-    Raises:
-        NotebookError: a cell failed. The other kernels end, too.
+    notebook that was to be refreshed stays as it was; the other kernels end, and
+    NotebookError is raised. `jobs` is the number of kernels at a time, of one thread
+    each if there are several; by default the number of cores.
     """
     dependent = [run for run in runs if run.values.get("run_missing")]
     queues = [[run] for run in runs if run not in dependent]
@@ -89,11 +82,7 @@ def _execute(
 
 
 def _execute_copy(run: Run, copy: Path, root: Path, progress: bool) -> None:
-    """Execute a notebook into a copy.
-
-    Raises:
-        NotebookError: a cell failed, or the kernel did.
-    """
+    """Execute a notebook into a copy, or raise NotebookError."""
     from nbclient.exceptions import DeadKernelError
     from papermill import execute_notebook
     from papermill.exceptions import PapermillExecutionError

@@ -21,18 +21,11 @@ def robot_drives(
 ) -> list[Drive]:
     """The drives of a recorded or a simulated robot.
 
-    Args:
-        source: a file or folder of recordings, or the name of a simulated robot, such
-            as 'system1 expert'.
-        body: the body of recordings; the body of a simulated robot is `body.ROVER`.
-        minutes: amount of a simulated robot's motion, which is simulated where it is
-            missing. Recordings are read completely.
-        data: the folder of simulated motion.
-
-    Raises:
-        ConfigError: `source` is neither a file nor a simulated robot.
-        RecordingError: a file has a fault.
-        ImportError: PyBullet is needed and not installed; the message is one line.
+    `source` is a file or folder of recordings of robots with this body, which are read
+    completely, or the name of a simulated robot, such as 'system1 expert'. So many
+    minutes of its motion are simulated where `data` lacks them. ConfigError says that
+    `source` is neither, RecordingError that a file has a fault, and ImportError that
+    PyBullet is needed and not installed.
     """
     if source in SIMULATED:
         from sidm.simulation import simulate

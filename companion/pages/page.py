@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import shlex
@@ -9,11 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from IPython.core.formatters import format_display_data
 from IPython.core.getipython import get_ipython
 from IPython.display import Markdown, display
 
 from companion.grids import find_figure
-from companion.pages.glue import glue, glued
 from companion.pages.markdown import made_here
 from companion.pages.notebook import enter_project, find_notebook, project_root
 from companion.pages.parameters import check, inspect, refuse_out_of_range
@@ -22,21 +23,49 @@ from companion.pages.parameters import check, inspect, refuse_out_of_range
 _NUMBER = re.compile(r"(?<![\w$\\}^])(`?)\{([\w.:-]+)\}(`?)")
 #: Parameters that decide where and how a page works, not what it shows.
 _HOW = ("run_missing", "workers", "data")
+#: prefix of the MIME types of an output that the notebook itself does not show
+HIDDEN = "application/papermill.record/"
+
+
+def glue(name: str, value: Any) -> None:
+    """Store `value` under a name in the notebook's outputs, without showing it.
+
+    MyST-NB's function `glue` does the same, but takes a second to import.
+    """
+    formats, metadata = format_display_data(value)
+    display(
+        {f"{HIDDEN}{mime_type}": data for mime_type, data in formats.items()},
+        metadata={**metadata, "scrapbook": {"mime_prefix": HIDDEN, "name": name}},
+        raw=True,
+    )
+
+
+def glued(notebook: Path, name: str) -> str:
+    """The text that a stored notebook glued under a name; else ValueError."""
+    for output in outputs(notebook):
+        if output.get("metadata", {}).get("scrapbook", {}).get("name") == name:
+            return "".join(output["data"][f"{HIDDEN}text/plain"]).strip("'")
+    raise ValueError(f"{notebook.name} glues no '{name}'")
+
+
+@functools.cache
+def outputs(notebook: Path) -> tuple[dict[str, Any], ...]:
+    """The outputs of a stored notebook in their order, read once in a process."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return tuple(output for cell in cells for output in cell.get("outputs", ()))
 
 
 class Page:
     """A notebook that is being run; made in the cell after its parameters.
 
     The project's folder becomes the working folder. Where a parameter has another value
-    than in the project's notebook, the page begins with a line that says so. The cell
-    magic `%%text` shows Markdown in which `{name}` stands for a number, see `fill`.
+    than in the project's notebook, the page begins with a line that says so; a value of
+    another type or outside its range raises ConfigError. The cell magic `%%text` shows
+    Markdown in which `{name}` stands for a number, see `fill`.
 
     Args:
         name: the notebook's name, such as '04-figure3'.
         values: the notebook's variables, `globals()`.
-
-    Raises:
-        ConfigError: a parameter has a value of another type or outside its range.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any]) -> None:
@@ -66,13 +95,10 @@ class Page:
         glue(name, value)
 
     def fill(self, text: str) -> str:
-        """A text in which each `{name}` is the number of that name.
+        """A text in which each `{name}` is the number of that name; else NameError.
 
         It is one that this page glued, a variable of the notebook, or, as
         `{04-figure3::tuned-saving}`, one that another page's stored run glued.
-
-        Raises:
-            NameError: there is no such number.
         """
 
         def number(found: re.Match) -> str:
@@ -103,20 +129,13 @@ class Page:
         return shlex.join(words)
 
     def made_here(self, kind: str = "training") -> Markdown:
-        """Provenance of what this page has simulated or computed itself.
-
-        Args:
-            kind: kind of work, a name in `companion.numerics`.
-        """
+        """Provenance of what this page has simulated or computed itself."""
         return Markdown(made_here(self.command(f"_build/{self.name}.ipynb"), kind))
 
     def again(self, figure: str, preset: str | None = None, *more: str) -> str:
         """The command that runs the trials of a figure which this page shows.
 
-        Args:
-            figure: a value of `--figure`.
-            preset: a preset's name; by default the page's parameter.
-            *more: further arguments of the command.
+        The preset is by default the page's parameter; `more` are further arguments.
         """
         chosen = str(preset or self._values.get("preset", "laptop"))
         words = ["companion", "run", "--preset", chosen, "--figure", figure, *more]

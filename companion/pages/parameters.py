@@ -57,9 +57,8 @@ class Parameter(NamedTuple):
 def inspect(path: Path) -> dict[str, Parameter]:
     """The parameters of a notebook by name.
 
-    Raises:
-        ConfigError: the file is no notebook, the notebook declares no parameters, or a
-            parameter has no type that can be checked.
+    ConfigError says that the file is no notebook, that the notebook declares no
+    parameters, or that a parameter has no type that can be checked.
     """
     source = _declarations(path)
     try:
@@ -92,7 +91,6 @@ def inspect(path: Path) -> dict[str, Parameter]:
 
 
 def _declarations(path: Path) -> str:
-    """The source of the cell that declares a notebook's parameters."""
     try:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     except FileNotFoundError:
@@ -110,7 +108,6 @@ def _declarations(path: Path) -> str:
 
 
 def _kind(annotation: ast.expr, name: str, path: Path) -> Any:
-    """The type that an annotation stands for."""
     try:
         return _type(annotation)
     except (KeyError, TypeError, ValueError, RecursionError) as error:
@@ -137,34 +134,18 @@ def _type(node: ast.expr) -> Any:
 
 
 def check(value: Any, kind: Any, name: str) -> Any:
-    """A value converted to its type.
+    """A value converted to its type, else ConfigError with the parameter's name.
 
-    Args:
-        value: the value.
-        kind: the type.
-        name: name of the parameter, for error messages.
-
-    Returns:
-        The value in a form that papermill can write into a notebook: a list for a
-        tuple.
-
-    Raises:
-        ConfigError: the value has another type.
+    A tuple becomes a list, since papermill writes the value into a notebook.
     """
     checked = conform(value, kind, name)
     return list(checked) if isinstance(checked, tuple) else checked
 
 
 def read_value(text: str, kind: Any, name: str) -> Any:
-    """The value of a parameter that is given on the command line.
+    """The value of a parameter from the command line: YAML, or the string itself.
 
-    Args:
-        text: the value in YAML; for a string, the string itself.
-        kind: the type.
-        name: name of the parameter, for error messages.
-
-    Raises:
-        ConfigError: the text is no YAML, or the value has another type.
+    Text that is no YAML, or of another type, raises ConfigError.
     """
     if kind is str:
         return text
@@ -179,17 +160,10 @@ def merge_parameters(
 ) -> dict[str, Any]:
     """The checked parameters of one run of a notebook.
 
-    Args:
-        path: the notebook.
-        given: single values, which win over all files. Each name must be a parameter of
-            this notebook.
-        files: YAML files with values; a later file wins over an earlier one. Each name
-            must be a parameter of some notebook of the project; parameters of other
-            notebooks are left out.
-
-    Raises:
-        ConfigError: an unknown name, with the nearest right one; or a value of the
-            wrong type.
+    Each name `given` must be a parameter of this notebook. A later file wins over an
+    earlier one, `given` wins over all; each name in a file must be a parameter of some
+    notebook of the project, and those of other notebooks are left out. An unknown name,
+    with the nearest right one, or a value of the wrong type raises ConfigError.
     """
     parameters = inspect(path)
     merged: dict[str, Any] = {}
@@ -215,12 +189,10 @@ def merge_parameters(
 def refuse_out_of_range(value: Any, parameter: Parameter) -> None:
     """Refuse a value that the words about a parameter exclude, or an unknown name.
 
-    A list that has values by default must have one.
-    Parameters called `preset`, `policy`, `system`, `systems`, `first` and `second` are
-    names of presets, policies, pairs of robots and robots in every notebook.
-
-    Raises:
-        ConfigError: the value is out of range; the message has the range.
+    A list that has values by default must have one. Parameters called `preset`,
+    `policy`, `system`, `systems`, `first` and `second` are names of presets, policies,
+    pairs of robots and robots in every notebook. The message of the ConfigError has the
+    range.
     """
     several = isinstance(value, list | tuple)
     if several and not value and parameter.default not in ("", "[]"):
@@ -280,7 +252,6 @@ def _names(path: Path) -> frozenset[str]:
 
 
 def _read_file(path: Path) -> dict[str, Any]:
-    """The mapping in a parameter file."""
     try:
         values = yaml.safe_load(path.read_text())
     except FileNotFoundError:

@@ -6,7 +6,8 @@ comparison, and the verdict follows the rule of the page on claims.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,6 +60,11 @@ class Reading(NamedTuple):
     corrected: bool = False  # by Holm over the verdicts of the decisive experiment
 
 
+def _reading(row: Any, statement: str, section: str, reading: str) -> Reading:
+    label, seeds = system_label(row.system), int(row.seeds)
+    return Reading(statement, section, reading, label, row.ours, seeds, row.verdict)
+
+
 def _ratio_rows(
     table: pd.DataFrame,
     statement: str,
@@ -68,18 +74,10 @@ def _ratio_rows(
     quantity: str = "loss",
 ) -> list[Reading]:
     """Readings of a table of `paired_comparison`, whose claim is a ratio beside 1."""
-    name = "difference" if "difference" in table else "ratio"
-    none = 0.0 if name == "difference" else 1.0
-    rows = []
-    for row in table.itertuples():
-        estimate = Interval(getattr(row, name), row.low, row.high)
-        says = claims.verdict(estimate, none, above=above)
-        ours = f"{quantity} {estimate.text(3)}{'' if none == 0.0 else ' ×'}".strip()
-        label = system_label(row.system)
-        rows.append(
-            Reading(statement, section, reading, label, ours, int(row.seeds), says)
-        )
-    return rows
+    rows = claims.claim_rows(table, "", "", above)
+    unit = "" if "difference" in table else " ×"
+    rows["ours"] = [f"{quantity} {text}{unit}".strip() for text in rows.ours]
+    return [_reading(row, statement, section, reading) for row in rows.itertuples()]
 
 
 def _judged_row(
@@ -122,15 +120,7 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
 def hours(figure3: pd.DataFrame) -> list[Reading]:
     """Whether the curves meet with hours of data."""
     return [
-        Reading(
-            '"comparable" with 2 h and 5 h',
-            "5",
-            EARLY,
-            system_label(system),
-            row.ours,
-            row.seeds,
-            row.verdict,
-        )
+        _reading(row, '"comparable" with 2 h and 5 h', "5", EARLY)
         for system in PAPER_SYSTEMS
         for row in claims.convergence_claim(figure3, system).itertuples()
     ]
@@ -143,19 +133,12 @@ def paths(figure4: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
         for recipe, rows in decisive.groupby("recipe")
     ]
     parts.append((EARLY, figure4, (LITTLE, 120.0)))
-    return [
-        Reading(
-            "smaller deviation over 25 steps (Figure 4)",
-            "5",
-            f"{reading}, {row.claim.rpartition(', ')[2]}",
-            system_label(row.system),
-            row.ours,
-            row.seeds,
-            row.verdict,
-        )
-        for reading, frame, sizes in parts
-        for row in claims.figure4_claims(frame, sizes).itertuples()
-    ]
+    said, rows = "smaller deviation over 25 steps (Figure 4)", []
+    for reading, frame, sizes in parts:
+        for row in claims.figure4_claims(frame, sizes).itertuples():
+            size = row.claim.rpartition(", ")[2]
+            rows.append(_reading(row, said, "5", f"{reading}, {size}"))
+    return rows
 
 
 def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
@@ -164,27 +147,19 @@ def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
     The narrowest, which is nearest to the paper's words, comes first.
     """
     few = baselines[baselines.novice_minutes == LITTLE]
-    sidm = few[few.method == "sidm"]
-    rows = []
-    for method, reading in (
-        ("pretrain_finetune", "all parts copied"),
-        ("finetune_parts", KEPT),
-    ):
-        table = paired_comparison(few[few.method == method], sidm)
-        reading = f"{reading} (held struts)"
-        rows += _ratio_rows(
-            table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
-        )
-    narrow = []
+    parts = []
     for minutes in (1.0, LITTLE):
         means = _mean_over_bodies(bodies[bodies.novice_minutes == minutes])
-        core, sidm = (means[means.method == name] for name in ("core_finetune", "sidm"))
-        table = paired_comparison(core, sidm)
         reading = f"SIDM alone copied, five other bodies, {minutes:g} min"
-        narrow += _ratio_rows(
-            table, PRETRAINED, "4", reading, above=True, quantity="loss / SIDM's"
-        )
-    return narrow + rows
+        parts.append((means, "core_finetune", reading))
+    parts.append((few, "pretrain_finetune", "all parts copied (held struts)"))
+    parts.append((few, "finetune_parts", f"{KEPT} (held struts)"))
+    rows = []
+    for frame, method, reading in parts:
+        copied, sidm = (frame[frame.method == name] for name in (method, "sidm"))
+        table = paired_comparison(copied, sidm)
+        rows += _ratio_rows(table, PRETRAINED, "4", reading, True, "loss / SIDM's")
+    return rows
 
 
 def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
@@ -197,9 +172,7 @@ def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
 def more_data(figure3: pd.DataFrame, changed: dict[str, pd.DataFrame]) -> list[Reading]:
     """Whether an SIDM should learn less from the expert as the novice's data grow.
 
-    Args:
-        figure3: results of Figure 3.
-        changed: name of a change -> its results on the largest novice dataset.
+    `changed` has, by the name of a change, its results on the largest novice dataset.
     """
     rows, sidm = [], figure3[figure3.method == "sidm"]
     for name, frame in changed.items():
@@ -275,12 +248,12 @@ def long_phases(phases: pd.DataFrame, study: Study) -> list[Reading]:
     return [row._replace(verdict=claims.NOT_TESTED) for row in rows]
 
 
-def readings(results: Results, data: str = "data") -> list[Reading]:
+def readings(results: Results, data: Path | str = "data") -> list[Reading]:
     """All readings, from the stored results."""
 
     def frame(preset: str, figure: str) -> pd.DataFrame:
         return results.frame(
-            grid(preset, figure, data=data, results=str(results.folder))
+            grid(preset, figure, data=str(data), results=str(results.folder))
         )
 
     small = Study(SMALL, data, results.folder)
@@ -295,23 +268,21 @@ def readings(results: Results, data: str = "data") -> list[Reading]:
         for name, trials in ablations.most_data(small, system).items():
             if name in (LESS_EXPERT, NO_ADVERSARY):
                 changed.setdefault(name, []).extend(trials)
-    parts: Iterable[Callable[[], list[Reading]]] = (
-        lambda: savings(figure3, decisive),
-        lambda: hours(figure3),
-        lambda: paths(frame(BOOK, "4"), decisive),
-        lambda: pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),
-        lambda: more_data(
-            frame(SMALL, "3"), {n: results.frame(t) for n, t in changed.items()}
-        ),
-        lambda: alikeness(latents),
-        lambda: high_p_expert(frame(SMALL, "p-expert"), small),
-        lambda: long_phases(frame(SMALL, "iterations"), small),
-    )
-    return [row for part in parts for row in part()]
+    on_most_data = {name: results.frame(trials) for name, trials in changed.items()}
+    return [
+        *savings(figure3, decisive),
+        *hours(figure3),
+        *paths(frame(BOOK, "4"), decisive),
+        *pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),
+        *more_data(frame(SMALL, "3"), on_most_data),
+        *alikeness(latents),
+        *high_p_expert(frame(SMALL, "p-expert"), small),
+        *long_phases(frame(SMALL, "iterations"), small),
+    ]
 
 
 def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
-    """Readings as a table with the headings of a page.
+    """Readings with the headings of a page.
 
     Marked are intervals from three seeds, and verdicts that are corrected.
     """

@@ -1,16 +1,16 @@
-"""What the chapter on the suspension measures, draws and says."""
+"""What the chapter on the robots changes in them, and how far that moves them."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from ownrobot.replay.rides import Ride, tilt
+from companion.figures.style import system_label
+from ownrobot.replay.rides import Ride, find_robot, tilt
 from sidm.systems import Robot
 
 #: Field of a robot that the chapter's parameters change -> words for its value.
@@ -20,8 +20,72 @@ SUSPENSION = {
     "travel_upper": "compression up to {:g} m",
     "travel_lower": "extension down to {:g} m",
 }
-#: Colours of changes to more than the suspension, and to the suspension alone.
-COLOURS = "#D55E00", "#0072B2"
+GEARING = ("throttle_scale", "steering_scale")
+SOFTER = 500  # times softer is the soft spring
+#: Colours of changes to more than the suspension, and to the suspension alone: neutral,
+#: since colours are those of methods.
+COLOURS = "#1A1A1A", "#7A7A7A"
+
+
+class Change(NamedTuple):
+    """A robot, and whether joint motors hold its struts."""
+
+    robot: Robot
+    motors: bool = True
+
+
+def name_of(robot: str) -> str:
+    """'system1 novice' in the text's words: "system 1's novice"."""
+    return "{}'s {}".format(*system_label(robot).rsplit(" ", 1))
+
+
+def given(values: Mapping[str, Any], which: str) -> dict[str, float]:
+    """A suspension's values among a page's parameters, such as `first_spring`."""
+    found = {field: values[f"{which}_{field}"] for field in SUSPENSION}
+    return {field: value for field, value in found.items() if value is not None}
+
+
+def changes_of(
+    first: str,
+    second: str,
+    first_given: Mapping[str, float],
+    second_given: Mapping[str, float],
+) -> tuple[dict[str, Change], dict[str, Change]]:
+    """What the chapter changes of its first robot, by words.
+
+    Args:
+        first: the robot's name, such as 'system1 novice'.
+        second: the robot that it is compared with.
+        first_given: values of a suspension that a reader gives the first robot.
+        second_given: the same for the second one.
+
+    Returns:
+        Changes of more than the suspension, and of the suspension alone.
+    """
+    one, other = find_robot(first), find_robot(second)
+    struts = {name: getattr(one, name) for name in ("spring_offset", *SUSPENSION)}
+    gears = {name: getattr(other, name) for name in GEARING}
+    robots = {
+        f"{name_of(second)} instead": Change(other),
+        f"{name_of(second)}\nwith the first robot's suspension": Change(
+            other.replace(**struts)
+        ),
+        f"{name_of(first)}\nwith the second robot's gearing": Change(
+            one.replace(**gears)
+        ),
+    }
+    if second_given:
+        words = f"{name_of(second)}\nwith the suspension given"
+        robots[words] = Change(other.replace(**second_given))
+    soft = one.replace(spring=one.spring / SOFTER)
+    suspensions = {
+        f"spring {SOFTER} times softer": Change(soft),
+        "struts free: no joint motors": Change(one, motors=False),
+        "soft spring and free struts": Change(soft, motors=False),
+    }
+    for words, robot in changed_robots(one, first_given).items():
+        suspensions[words] = Change(robot)
+    return robots, suspensions
 
 
 def changed_robots(robot: Robot, values: Mapping[str, float]) -> dict[str, Robot]:
@@ -33,39 +97,6 @@ def changed_robots(robot: Robot, values: Mapping[str, float]) -> dict[str, Robot
     if len(values) > 1:
         copies["all of these together"] = robot.replace(**values)
     return copies
-
-
-def suspension_ratios(robot: Robot, other: Robot) -> tuple[float, float, float]:
-    """A robot's spring, damping and travel, each divided by the other robot's."""
-    return (
-        _ratio(robot.spring, other.spring),
-        _ratio(robot.damping, other.damping),
-        _ratio(_travel(robot), _travel(other)),
-    )
-
-
-def _ratio(value: float, other: float) -> float:
-    if math.isclose(value, other):
-        return 1.0
-    return value / other if other else math.inf
-
-
-def _travel(robot: Robot) -> float:
-    return robot.travel_upper - robot.travel_lower
-
-
-def ratios_text(robot: Robot, other: Robot) -> str:
-    """The ratios in words: 'spring 5 times, damping 2 times, travel the same'."""
-    spring, damping, travel = suspension_ratios(robot, other)
-    less = f"{1 / travel:.2g} times less" if travel < 1 else f"{travel:.2g} times more"
-    words = "the same" if travel == 1 else less
-    return f"spring {_times(spring)}, damping {_times(damping)}, travel {words}"
-
-
-def _times(ratio: float) -> str:
-    if ratio in (1, math.inf):
-        return "the same" if ratio == 1 else "against none"
-    return f"{ratio:.0f} times" if ratio >= 10 else f"{ratio:.2g} times"
 
 
 def between_ends(rides: Sequence[Ride], others: Sequence[Ride]) -> np.ndarray:
@@ -95,10 +126,8 @@ def changes_figure(
 ) -> Figure:
     """How far changes move a robot: a dot for each ground, and a bar for their mean.
 
-    Args:
-        rides: change in words -> the changed robot's ride on each ground.
-        unchanged: the robot's rides on the same grounds.
-        robots: number of changes to more than the suspension; they come first.
+    `rides` has, by change in words, the changed robot's ride on each ground,
+    `unchanged` the robot's. The first `robots` changes are to more than the suspension.
     """
     size = 9.6, 0.9 + 0.5 * len(rides)
     figure, axes = plt.subplots(1, 2, figsize=size, sharey=True, layout="constrained")

@@ -13,7 +13,7 @@ import pandas as pd
 from companion.methods import COMPARED
 from companion.statistics.intervals import interval
 from companion.statistics.pairs import complete, mean_difference, paired_comparison
-from companion.statistics.savings import savings
+from companion.statistics.savings import ratio_texts, savings
 from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
 
@@ -49,17 +49,11 @@ PAPER_SAVINGS = {"system1": ("up to 20 ×", 20.0), "system2": ("about 5 ×", 5.0
 def verdict(
     estimate: Interval, none: float, paper: float | None = None, above: bool = True
 ) -> str:
-    """Verdict of an interval on a claim.
+    """Verdict of our value with its interval on a claim.
 
-    Args:
-        estimate: our value with its interval.
-        none: the value that means no effect.
-        paper: the paper's value, if any.
-        above: whether the claim is a value above `none`; otherwise below.
-
-    Returns:
-        The verdict. An interval that holds `none` supports no claim, even if it holds
-        the paper's value, too.
+    An interval that holds `none`, the value without effect, supports no claim, even if
+    it holds the `paper`'s value, too. A claim is a value above `none`, unless `above`
+    is False.
     """
     if not np.all(np.isfinite(estimate)):
         return NO_VERDICT
@@ -76,15 +70,10 @@ def claim_rows(
     above: bool = False,
     unit: str = "",
 ) -> pd.DataFrame:
-    """Rows of a table of claims from a table of comparisons.
+    """Rows of a table of claims from a `paired_comparison` or `pooled_comparison`.
 
-    Args:
-        table: `paired_comparison` or `pooled_comparison`, with `system` and `seeds`;
-            claims compare ratios with 1 and differences with 0.
-        claim: the quantity, one text for all rows or one a row.
-        paper: what the paper says of it.
-        above: whether the claim is a larger value; otherwise a smaller one.
-        unit: of a difference.
+    Claims compare ratios with 1 and differences, which have a `unit`, with 0. `claim`
+    is one text for all rows or one a row; `above` is whether it claims a larger value.
     """
     name, none = ("difference", 0.0) if "difference" in table else ("ratio", 1.0)
     columns = table[[name, "low", "high"]]
@@ -100,11 +89,7 @@ def claim_rows(
 
 
 def ratio_verdicts(table: pd.DataFrame) -> np.ndarray:
-    """BETTER, WORSE or NO_DIFFERENCE for each ratio of a table of comparisons.
-
-    The whole interval lies below 1, above 1, or neither; NO_VERDICT without an
-    interval.
-    """
+    """BETTER, WORSE or NO_DIFFERENCE for each ratio: by its whole interval, if any."""
     return np.select(
         [table.high < 1, table.low > 1, table.low.notna()],
         [BETTER, WORSE, NO_DIFFERENCE],
@@ -115,16 +100,9 @@ def ratio_verdicts(table: pd.DataFrame) -> np.ndarray:
 def data_saving_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     """Claims 1 and 2: how many times as much data training needs without SIDM.
 
-    The comparison is at one size, chosen before: the size nearest to CLAIMED_AT. The
-    largest of several ratios would be chosen after the results, and no interval
-    accounts for such a choice.
-
-    Args:
-        frame: results of Figure 3.
-        system: of these results; the paper has a value for its own two systems.
-
-    Returns:
-        A table of claims with one row, or none without results.
+    The comparison is at the size of Figure 3's results nearest to CLAIMED_AT, chosen
+    before. The largest of several ratios would be chosen after the results, and no
+    interval accounts for such a choice. There is one row, or none without results.
     """
     table = savings(frame[frame.system == system])
     if not len(table):
@@ -133,11 +111,10 @@ def data_saving_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     nearest = (np.log(table.novice_minutes) - np.log(CLAIMED_AT)).abs().idxmin()
     row = table.loc[nearest]
     estimate = Interval(row.ratio, row.low, row.high)
-    bound = {"=": "", ">=": "at least ", "<=": "at most "}[row.bound]
     claim = (
         f"data without SIDM / with SIDM, same loss, {row.novice_minutes:g} min with it"
     )
-    ours = f"{bound}{estimate.text(3)} ×"
+    ours = f"{ratio_texts(table.loc[[nearest]], 3)[0]} ×"
     says = verdict(estimate, 1.0, number)
     values = (claim, system, words, *estimate, ours, int(row.seeds), says)
     return pd.DataFrame([values], columns=list(COLUMNS))
@@ -146,14 +123,8 @@ def data_saving_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
 def convergence_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     """Claim 3: the size from which the losses with and without SIDM are comparable.
 
-    From this size on, the difference of the losses keeps its sign or shows none.
-
-    Args:
-        frame: results of Figure 3.
-        system: of these results.
-
-    Returns:
-        A table of claims with one row, or none without results.
+    From this size on, the difference of the losses keeps its sign or shows none. There
+    is one row, or none without results of Figure 3.
     """
     losses = complete(frame, system)
     if not losses.values.size:
@@ -189,11 +160,7 @@ def figure3_claims(frame: pd.DataFrame, minutes: float = 5.0) -> pd.DataFrame:
     """Claims 1, 2, 3 and 5 beside the results of Figure 3, for the paper's systems.
 
     Ratios and differences are of means over seeds, with 95 % intervals over whole
-    seeds.
-
-    Args:
-        frame: results of Figure 3.
-        minutes: of novice data at which claim 5 is checked.
+    seeds; claim 5 is checked with so many `minutes` of novice data.
     """
     frame = frame[frame.system.isin(PAPER_SYSTEMS)]
     claims = (data_saving_claim, convergence_claim)

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from companion.statistics.data_ratio import data_ratio
-from companion.statistics.efficiency import efficiency
+from companion.statistics.efficiency import data_ratio, efficiency
 from companion.statistics.intervals import (
     bootstrap,
     leave_one_out,
@@ -55,17 +54,10 @@ def synthetic_study(
     ratio: float = RATIO,
     noise: tuple[float, float] = (NOISE, COMMON),
 ) -> np.ndarray:
-    """Losses of a synthetic study with a known data ratio.
+    """Losses (S, 2, M) of S seeds: SIDM first, then what needs `ratio` times its data.
 
-    Args:
-        seeds: S, number of paired seeds.
-        rng: of the noise.
-        ratio: how many times the data of SIDM the comparison needs.
-        noise: standard deviations of the logarithm of the loss, of each training and
-            common to a seed.
-
-    Returns:
-        Losses (S, 2, M): SIDM first, then the comparison, at the sizes MINUTES.
+    The standard deviations of the logarithm of the loss are those of each training and
+    one that is common to a seed.
     """
     curves = np.stack([ratio * MINUTES, MINUTES]) ** -SLOPE
     common = rng.normal(0, noise[1], (seeds, 1, 1))
@@ -74,10 +66,7 @@ def synthetic_study(
 
 
 def released_study(seeds: int, rng: np.random.Generator, ratio: float) -> np.ndarray:
-    """Losses of a synthetic study with the noise of the released recipe.
-
-    Arguments and returned value are those of `synthetic_study`.
-    """
+    """Losses of a `synthetic_study` with the noise of the released recipe."""
     losses = synthetic_study(seeds, rng, ratio, RELEASED_NOISE)
     higher = HIGHER * (rng.random(seeds) < SHARE_HIGHER)
     losses[:, 1, -1] *= np.exp(higher - HIGHER * SHARE_HIGHER)
@@ -85,11 +74,7 @@ def released_study(seeds: int, rng: np.random.Generator, ratio: float) -> np.nda
 
 
 def log_ratio(pairs: np.ndarray) -> float:
-    """Logarithm of the data-efficiency ratio at LEVEL of mean curves.
-
-    Args:
-        pairs: losses (S, 2, M).
-    """
+    """Logarithm of the data-efficiency ratio at LEVEL of mean curves, of (S, 2, M)."""
     sidm, novice_only = pairs.mean(0)
     return float(
         np.log(efficiency(MINUTES, sidm, novice_only, np.array([LEVEL])).ratio[0])
@@ -106,16 +91,7 @@ METHODS: dict[str, Callable[[np.ndarray], Interval]] = {
 def coverage(
     method: Callable[[np.ndarray], Interval], seeds: int
 ) -> tuple[float, float]:
-    """Coverage and width of a kind of interval on synthetic studies.
-
-    Args:
-        method: from losses (S, 2, M) to the interval.
-        seeds: S, of each study.
-
-    Returns:
-        The share of studies whose interval holds the true ratio, and the median width
-        of the interval of the log ratio.
-    """
+    """Share of studies whose interval holds the ratio, and its log's median width."""
     rng = np.random.default_rng(seeds)
     intervals = [method(synthetic_study(seeds, rng)) for _ in range(STUDIES)]
     held = [interval.low <= np.log(RATIO) <= interval.high for interval in intervals]
@@ -160,16 +136,10 @@ ESTIMATORS: dict[
 def estimator_coverage(
     name: str, ratio: float, seeds: int
 ) -> tuple[float, float, float]:
-    """Coverage of an estimator on synthetic studies.
+    """Shares of intervals of an estimator that hold the true value or lie above it.
 
-    Args:
-        name: of the estimator, a key of ESTIMATORS.
-        ratio: true data ratio of the studies.
-        seeds: S, of each study.
-
-    Returns:
-        The share of intervals that hold the true value, the share that lies above it,
-        and the share of studies without an interval.
+    The third value is the share of studies without an interval. `name` is a key of
+    ESTIMATORS, `ratio` the true data ratio of the studies.
     """
     ends_of, truth_of = ESTIMATORS[name]
     rng, truth = np.random.default_rng([seeds, round(10 * ratio)]), truth_of(ratio)
@@ -186,10 +156,8 @@ def estimator_coverage(
 def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
     """Measure the coverage of the kinds of interval and of the estimators.
 
-    Returns:
-        By kind of interval and number of seeds: coverage and width. By 'estimators':
-        rows of estimator, data ratio, number of seeds, and the shares of
-        `estimator_coverage`.
+    By kind of interval and number of seeds: coverage and width. By 'estimators': rows
+    of estimator, data ratio, number of seeds, and the shares of `estimator_coverage`.
     """
     by_kind: dict[str, Any] = {
         name: {str(n): [round(x, 4) for x in coverage(method, n)] for n in seeds}

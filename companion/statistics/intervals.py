@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ownrobot.comparison.statistics import CONFIDENCE, Interval, mean_interval
+from ownrobot.comparison.statistics import CONFIDENCE, Interval
 
 RESAMPLES = 2000
 #: For a verdict. The interval of two seeds reaches 13 standard errors to either side.
@@ -23,18 +23,11 @@ Statistic = Callable[[np.ndarray], float]
 def bootstrap(
     statistic: Statistic, samples: np.ndarray, resamples: int = RESAMPLES
 ) -> Interval:
-    """Percentile bootstrap of `statistic` over the whole seeds of `samples`.
+    """Percentile bootstrap of `statistic` over the whole seeds of `samples` (S, ...).
 
-    Args:
-        statistic: takes an array like `samples` and ignores the order of the seeds;
-            values that are not finite are left out of the percentiles.
-        samples: (S, ...), seeds first.
-        resamples: how many times S seeds are drawn with replacement; the draws are
-            always the same.
-
-    Returns:
-        The statistic of `samples`, and its interval: with one seed the value itself;
-        NaN if the statistic is not finite.
+    The draws are always the same. Values of the statistic that are not finite are left
+    out of the percentiles; the order of the seeds must not count. The interval of one
+    seed is the value itself; that of a statistic that is not finite is NaN.
     """
     samples = np.asarray(samples, float)
     count, rng = len(samples), np.random.default_rng(0)
@@ -51,21 +44,14 @@ def bootstrap(
 
 
 def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
-    """Student's interval with the jackknife's standard error.
+    """Student's interval over seeds (S, ...), with the jackknife's standard error.
 
     The jackknife computes `statistic` without each whole seed in turn. With few seeds,
     resampling knows too little of what other seeds would give, and its intervals are
     too narrow (module `coverage`); the interval of this function has the coverage that
     it claims. The distribution of `statistic` should be about symmetric: use the
-    logarithm of a ratio.
-
-    Args:
-        statistic: as in `bootstrap`.
-        samples: (S, ...), seeds first.
-
-    Returns:
-        The statistic of `samples`, and its interval; NaN with one seed, or if there is
-        no value without one of the seeds.
+    logarithm of a ratio. The interval is NaN with one seed, or if there is no value
+    without one of the seeds.
     """
     from scipy.special import stdtrit  # late: lists of results do without it
 
@@ -81,22 +67,11 @@ def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
     return Interval(value, value - reach, value + reach)
 
 
-def student(values: np.ndarray) -> Interval:
-    """Mean of values (S,), one a seed, with Student's interval; NaN with one seed."""
-    return mean_interval(values)
-
-
 def p_value(ratio: Interval, seeds: int) -> float:
     """P-value of the hypothesis that a ratio is 1, from its interval over seeds.
 
-    Student's two-sided test of the mean logarithm, whose interval the ratio has.
-
-    Args:
-        ratio: a geometric mean with its 95 % interval.
-        seeds: S, of which it is the mean.
-
-    Returns:
-        The p-value; NaN without an interval.
+    Student's two-sided test of the mean logarithm, whose 95 % interval the ratio, a
+    geometric mean, has. NaN without an interval.
     """
     from scipy.special import stdtr, stdtrit  # late: lists of results do without it
 
@@ -121,19 +96,11 @@ def interval(
 ) -> Interval:
     """An interval by `leave_one_out` with few seeds, by `bootstrap` with MANY_SEEDS.
 
-    Seeds that only split the same few data differently are not independent. The
-    interval is then widened as in the corrected resampled t-test (Nadeau and Bengio,
-    Machine Learning 52, 2003): its variance is that of the seeds times (1 / S +
-    held_out / (1 - held_out)) instead of 1 / S.
-
-    Args:
-        statistic: as in `bootstrap`.
-        samples: (S, ...), seeds first.
-        held_out: share of all data, drawn at random, on which each seed is tested; 0
-            for independent seeds.
-
-    Returns:
-        The statistic of `samples`, and its interval; NaN with fewer than FEWEST_SEEDS.
+    Seeds that only split the same few data differently are not independent: each is
+    tested on the same share `held_out`, drawn at random. The interval is then widened
+    as in the corrected resampled t-test (Nadeau and Bengio, Machine Learning 52, 2003):
+    its variance is that of the seeds times (1 / S + held_out / (1 - held_out)) instead
+    of 1 / S. With fewer than FEWEST_SEEDS the interval is NaN.
     """
     if len(samples) < FEWEST_SEEDS:
         return Interval(float(statistic(np.asarray(samples, float))), np.nan, np.nan)
@@ -145,12 +112,7 @@ def interval(
 
 
 def ratio_of_means(pairs: np.ndarray, held_out: float = 0.0) -> Interval:
-    """Ratio of the mean of the second losses to the mean of the first.
-
-    Args:
-        pairs: (S, 2) losses, paired by seed.
-        held_out: as in `interval`.
-    """
+    """Ratio of the mean of the second losses to that of the first, of pairs (S, 2)."""
 
     def log_ratio(drawn: np.ndarray) -> float:
         first, second = drawn.mean(0)
@@ -160,11 +122,6 @@ def ratio_of_means(pairs: np.ndarray, held_out: float = 0.0) -> Interval:
 
 
 def mean_ratio(own: np.ndarray, other: np.ndarray) -> Interval:
-    """Geometric mean of the ratios of paired values, with an interval over seeds.
-
-    Args:
-        own: (S, M) values of S seeds and M sizes.
-        other: (S, M) values to divide by.
-    """
+    """Geometric mean of ratios of paired values (S, M), with an interval over seeds."""
     logs = np.log(own) - np.log(other)
     return Interval(*np.exp(interval(lambda drawn: float(drawn.mean()), logs)))

@@ -28,18 +28,10 @@ def paired_comparison(
 ) -> pd.DataFrame:
     """Compare results with a reference, group by group, paired by seed.
 
-    Args:
-        frame: results, as `Results.frame` gives them.
-        reference: results to compare with; at most one a seed for equal columns `on`.
-            With the column MOTION, one for each motion: the one on the same motion as
-            the result is taken, if there is one, else the other.
-        on: columns that are equal on both sides, besides the seed.
-        by: further columns of `frame` that distinguish its groups.
-        value: the column to compare.
-        difference: whether to take the mean of differences instead of the ratio of
-            means.
-        held_out: share of the same data on which each seed is tested, where seeds only
-            split these data differently; see `intervals.interval`.
+    Both sides are equal in the columns `on`, and the reference has at most one result a
+    seed there. With its column MOTION, it has one for each motion: the one on the same
+    motion as the result is taken, if there is one, else the other. The columns `by`
+    distinguish groups of `frame` further. `held_out` is as in `intervals.interval`.
 
     Returns:
         One row per group that has a seed in common with the reference, in the order of
@@ -74,18 +66,9 @@ def pooled_comparison(
 ) -> pd.DataFrame:
     """Compare results with a reference over several sizes at once.
 
-    The estimate is the geometric mean of the ratios, paired by seed and size.
-
-    Args:
-        frame: results, as in `paired_comparison`; a seed that lacks a size of its group
-            is left out.
-        reference: results to compare with.
-        by: further columns of `frame` that distinguish its groups.
-        value: the column to compare.
-
-    Returns:
-        One row per `system` and `by`, with `sizes`, a tuple of minutes, `seeds`,
-        `ratio`, `low` and `high`.
+    The estimate is the geometric mean of the ratios, paired by seed and size. A seed
+    that lacks a size of its group is left out. There is one row per `system` and `by`,
+    with `sizes`, a tuple of minutes, `seeds`, `ratio`, `low` and `high`.
     """
     both, _ = _joined(frame, reference, POINT, by, value)
     groups, rows = ["system", *by], []
@@ -100,10 +83,7 @@ def pooled_comparison(
 
 
 def _table(rows: list[tuple], keys: pd.DataFrame, names: list[str]) -> pd.DataFrame:
-    """A table with the columns of `keys` and `names`.
-
-    A table without rows has the types of `keys`, and numbers in `names`.
-    """
+    """A table with the columns of `keys`, and numbers in `names` if it has no rows."""
     table = pd.DataFrame(rows, columns=[*keys, *names])
     if rows:
         return table
@@ -148,8 +128,7 @@ def unique_results(
 ) -> pd.DataFrame:
     """The results of a system's methods, at most one per seed, method and size.
 
-    Raises:
-        ValueError: two results stand for the same point, as in an ablation.
+    Two of one point, as in an ablation, raise ValueError.
     """
     results = frame[(frame.system == system) & frame.method.isin(methods)]
     if results.duplicated(["seed", "method", "novice_minutes"]).any():
@@ -176,10 +155,7 @@ def complete(
     """A column of a system's results as an array over seeds, methods and sizes.
 
     Sizes that one of the methods lacks for all seeds are left out, then seeds that lack
-    one of the remaining sizes.
-
-    Raises:
-        ValueError: as in `unique_results`.
+    one of the remaining sizes. Two results of one point raise ValueError.
     """
     results = unique_results(frame, system, methods)
     wide = results.pivot(
@@ -197,10 +173,7 @@ def complete(
 def page_table(table: pd.DataFrame, digits: int = 3, **names: str) -> pd.DataFrame:
     """A table of comparisons for a page, value and interval in one column of text.
 
-    Args:
-        table: as `paired_comparison` or `pooled_comparison` gives it.
-        digits: number of significant digits.
-        names: new names of further columns.
+    `names` are headings of further columns.
     """
     value = "difference" if "difference" in table else "ratio"
     ends = table[[value, "low", "high"]].itertuples(index=False)

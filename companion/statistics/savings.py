@@ -32,14 +32,8 @@ def savings(
 ) -> pd.DataFrame:
     """Novice data of each comparison divided by the method's, at equal loss.
 
-    Args:
-        frame: results of Figure 3, or of its variants; seeds that lack one of a
-            method's sizes are left out.
-        methods: the methods that save data.
-        against: the methods to compare with, each at its own sizes.
-        value: the column to compare.
-        held_out: share of the same data on which each seed is tested, where seeds only
-            split these data differently; see `intervals.interval`.
+    Seeds that lack one of a method's sizes are left out; `held_out` is as in
+    `intervals.interval`.
 
     Returns:
         One row per system, method, comparison and size. `loss` is the method's, from
@@ -60,16 +54,9 @@ def savings(
 
 
 def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[tuple]:
-    """Data ratio between two methods with one curve each.
+    """Data ratio between two methods with one curve each (K = 1).
 
-    Args:
-        own: losses of the method that saves data, K = 1.
-        other: losses of the comparison, K = 1.
-        held_out: as in `savings`.
-
-    Returns:
-        A tuple per size of `own`: minutes, number of seeds, loss, ratio, low, high,
-        bound.
+    A tuple per size of `own`: minutes, number of seeds, loss, ratio, low, high, bound.
     """
     seeds, count = np.intersect1d(own.seeds, other.seeds), len(own.minutes)
     if not (seeds.size and count and len(other.minutes)):
@@ -110,18 +97,11 @@ def with_savings(
 ) -> pd.DataFrame:
     """Add loss ratios and data savings beside a reference to a table of means.
 
-    Args:
-        means: one row per group (columns `on` and `by`) and `novice_minutes`.
-        frame: the groups' results, one row per seed, with `loss`.
-        reference: results to compare with.
-        on: columns that are equal on both sides besides seed and size, the system
-            first.
-        by: further columns that distinguish the groups.
-
-    Returns:
-        The means with `ratio`, `low` and `high` of `pairs.paired_comparison`, and with
-        `saved`, `saved_low`, `saved_high` and `bound`: the reference's data divided
-        by the group's, at equal loss. NaN in rows without a reference.
+    `means` has one row per group (columns `on`, the system first, and `by`) and size,
+    `frame` the groups' results with `loss`. Added are `ratio`, `low` and `high` of
+    `pairs.paired_comparison`, and `saved`, `saved_low`, `saved_high` and `bound`: the
+    reference's data divided by the group's, at equal loss. NaN in rows without a
+    reference.
     """
     point = [*on, *by, "novice_minutes"]
     ratios = paired_comparison(
@@ -160,10 +140,6 @@ def ratio_texts(table: pd.DataFrame, digits: int = 2) -> list[str]:
     """The ratios of a table of `savings` for a page: 'at least 3.2 (1.9 to 5.4)'.
 
     A ratio without an interval has no brackets.
-
-    Args:
-        table: of `savings`.
-        digits: number of significant digits.
     """
     prefix = {"=": "", ">=": "at least ", "<=": "at most "}
     columns = table[["bound", "ratio", "low", "high"]]
@@ -183,13 +159,7 @@ def texts_at(
 ) -> list[str]:
     """The ratios of a method at one size, a text for each system; else 'not run'.
 
-    Args:
-        table: of `savings` against one method.
-        method: that saves data.
-        minutes: the size.
-        systems: of the texts, in their order.
-        digits: number of significant digits.
-        unit: added to the ratios.
+    `table` is made by `savings` against one method; `unit` is added to the ratios.
     """
     rows = table[(table.method == method) & (table.novice_minutes == minutes)]
     texts = dict(zip(rows.system, ratio_texts(rows, digits), strict=True))
@@ -201,14 +171,8 @@ def savings_table(
 ) -> pd.DataFrame:
     """`savings` of methods with a column for each comparison, the ratios as texts.
 
-    Args:
-        frame: as in `savings`.
-        methods: the methods that save data.
-        against: the methods to compare with.
-
-    Returns:
-        One row per system, method and size, with the `loss` as text; sizes without a
-        ratio for all comparisons are left out.
+    There is one row per system, method and size, with the `loss` as text; sizes without
+    a ratio for all comparisons are left out.
     """
     table = savings(frame, methods, against)
     point = ["system", "method", "novice_minutes"]
@@ -221,13 +185,7 @@ def savings_table(
 
 
 def minutes_text(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
-    """The data with which a method reaches a loss, as text: 'more than 20 min'.
-
-    Args:
-        minutes: (M,) sizes, rising.
-        losses: (M,) mean losses of the method.
-        loss: to be reached.
-    """
+    """The data with which a curve (M,) reaches a loss, as text: 'more than 20 min'."""
     data, sign = minutes_needed(minutes, isotonic_fit(losses), loss)
     prefix = {"=": "", "<=": "at most ", ">": "more than "}[sign]
     return f"{prefix}{float(f'{data:.2g}'):g} min"

@@ -45,14 +45,9 @@ def kept_of_trial(row: pd.Series, rule: StoppingRule) -> KeptWeights:
 def apply_rule(frame: pd.DataFrame, rule: StoppingRule) -> pd.DataFrame:
     """Apply a stopping rule to the trials that are stored with every test.
 
-    Args:
-        frame: results.
-        rule: the stopping rule.
-
-    Returns:
-        The rows of these trials with further columns: `kept_samples`, `kept_test` and
-        `kept_validation` of the kept weights; `seen`, the samples at the last test
-        before the end; `ended`, whether the rule ended the training.
+    Their rows have further columns: `kept_samples`, `kept_test` and `kept_validation`
+    of the kept weights; `seen`, the samples at the last test before the end; `ended`,
+    whether the rule ended the training.
     """
     whole = frame[frame.test_spacing > 0]
     kept = [kept_of_trial(row, rule) for _, row in whole.iterrows()]

@@ -23,12 +23,7 @@ COMPONENTS = (
 
 
 def loss_summary(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Number of trials, and mean, minimum and maximum of the loss, by group.
-
-    Args:
-        frame: results.
-        by: columns that define the groups.
-    """
+    """Number of trials, and mean, minimum and maximum of the loss, by group."""
     losses = frame.groupby(list(by)).validation_loss
     table = losses.agg(["size", "mean", "min", "max"]).reset_index()
     return table.rename(columns={"size": "trials", "min": "minimum", "max": "maximum"})
@@ -39,13 +34,7 @@ def wide(
 ) -> pd.DataFrame:
     """A table in wide form: one column for each value of a column, in their order.
 
-    Narrow cells break before a bracket, never inside it.
-
-    Args:
-        table: in long form.
-        rows: columns that identify a row.
-        columns: the column whose values become columns.
-        value: the column whose texts fill the cells; an empty cell is a dash.
+    Narrow cells break before a bracket, never inside it; an empty cell is a dash.
     """
     unbroken = (
         table[value]
@@ -61,13 +50,8 @@ def wide(
 def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.DataFrame:
     """Root mean square error of each component of y, and the sum of squares.
 
-    Args:
-        losses: name of a column -> component losses (S, 13) of S trials, as
-            `Outcome.component_losses`.
-
-    Returns:
-        One row per component, with its unit, and one for the sum; a column for each key
-        of `losses`.
+    `losses` has component losses (S, 13) of S trials by the name of their column. There
+    is one row per component, with its unit, and one for the sum.
     """
     means = {
         name: np.mean(np.asarray(trials, float), axis=0)
@@ -81,10 +65,7 @@ def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.Data
 
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
-    """Time, min, and memory, MiB, of trials by system and method.
-
-    The time is the mean and the longest; the memory is the largest.
-    """
+    """Time, min (mean, longest), and largest memory, MiB, by system and method."""
     groups = frame.assign(minutes=frame.seconds / 60).groupby(["system", "method"])
     table = groups.agg(
         trials=("seed", "size"),
@@ -101,10 +82,7 @@ def costs(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def differences(trial: Trial, base: Trial) -> str:
-    """Differences of a trial's network and trainings from another's: 'p_expert=0.25'.
-
-    The text is empty when there are none.
-    """
+    """Settings of a trial that differ from another's: 'p_expert=0.25'; '' for none."""
     texts = []
     for part in ("network", "training", "pretraining"):
         settings, others = getattr(trial, part), getattr(base, part)
@@ -119,10 +97,9 @@ def differences(trial: Trial, base: Trial) -> str:
 
 
 def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]:
-    """Lines of text about the stored trials of a study.
+    """One line per system, method, size and configuration about its stored trials.
 
-    One line per system, method, size and configuration: how many trials are stored, how
-    many of these are stale, and their mean loss.
+    It says how many are stored, how many of these are stale, and their mean loss.
     """
     points: dict[Trial, list[Trial]] = {}
     for trial in trials:

@@ -35,8 +35,6 @@ from sidm.plots import finish, side_by_side, styled
 from sidm.shards import trajectories_for
 from sidm.systems import PAPER_SYSTEMS
 
-EMPTY: Mapping[str, float] = MappingProxyType({})
-
 #: Values of p_e; None stands for 'proportional to the data'.
 P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
 
@@ -61,14 +59,11 @@ MOST_DATA_P_EXPERT = 0.25
 
 
 def most_data(study: Study, system: str) -> dict[str, list[Trial]]:
-    """Trials on the largest novice dataset, where section 5 advises other settings.
+    """Trials on the largest novice dataset, by the description of each change of SIDM.
 
     Section 5 advises that the expert and the adversary count for less there. Patience
     is tried too because it counts the samples of both systems: at a p_e of 0.75 only a
     quarter of them are the novice's.
-
-    Returns:
-        Description of each change of SIDM -> its trials.
     """
     sizes = [max(study.preset.novice_minutes(system))]
     sidm = study.preset.training_of(METHODS["sidm"], system)
@@ -92,12 +87,7 @@ def most_data_trials(study: Study, system: str) -> list[Trial]:
 def proportional(preset: Preset, minutes: float) -> float:
     """The p_e proportional to the dataset sizes, which the paper advises against.
 
-    Args:
-        preset: gives the size of the expert dataset.
-        minutes: the size of the novice dataset.
-
-    Returns:
-        The expert's share of all trajectories, rounded to six digits.
+    It is the expert's share of all trajectories, rounded to six digits.
     """
     expert, novice = trajectories_for(preset.expert_minutes), trajectories_for(minutes)
     return round(expert / (expert + novice), 6)
@@ -111,11 +101,8 @@ def p_expert(
 ) -> list[Trial]:
     """Ablation of p_e; at 0 there is no regularisation, so no expert data is used.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        values: values of p_e; None stands for `proportional`.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    None among the `values` stands for `proportional`; `sizes`, min of novice data, are
+    those of the preset's ablations by default.
     """
     trials = []
     for minutes in sizes or study.preset.ablation_minutes:
@@ -137,18 +124,10 @@ def iterations(
     values: Iterable[int] | None = None,
     sizes: Sequence[float] = (),
 ) -> list[Trial]:
-    """Ablation of the iterations of one phase.
+    """Ablation of the iterations of one phase, a name of ITERATIONS.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        phase: a name of ITERATIONS.
-        values: numbers of iterations; those of ITERATIONS by default. 0 matching
-            iterations mean training without regularisation.
-        sizes: minutes of novice data; those of the preset's ablations by default.
-
-    Raises:
-        ConfigError: 0 iterations of another phase than matching.
+    0 matching iterations mean training without regularisation; 0 iterations of another
+    phase raise ConfigError.
     """
     sizes, trials = sizes or study.preset.ablation_minutes, []
     for value in ITERATIONS[phase] if values is None else values:
@@ -176,12 +155,7 @@ def setting(
 ) -> list[Trial]:
     """Ablation of a setting that both of the paper's methods have.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        name: the setting, a field of the training or of the network.
-        values: values of the setting.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    It is a field of the training or of the network.
     """
     sizes = sizes or study.preset.ablation_minutes
     return [
@@ -223,12 +197,7 @@ def with_usual(
 ) -> list[Trial]:
     """Ablation of any setting, with Figure 3's value for comparison.
 
-    Args:
-        study: makes the trials.
-        system: the pair of robots.
-        name: the setting, a key of ITERATIONS, one of OF_BOTH or 'p_expert'.
-        values: values of the setting.
-        sizes: minutes of novice data; those of the preset's ablations by default.
+    The setting is a key of ITERATIONS, one of OF_BOTH or 'p_expert'.
     """
     every = [*values, usual(study.preset, system, name)]
     if name == "p_expert":
@@ -241,7 +210,6 @@ def with_usual(
 
 
 def _values(frame: pd.DataFrame, name: str) -> pd.Series:
-    """The ablated value of each trial."""
     if name == "matching_iterations":  # none without regularisation
         return frame[name].where(frame.regularise.astype(bool), 0)
     return frame[name]
@@ -250,15 +218,9 @@ def _values(frame: pd.DataFrame, name: str) -> pd.Series:
 def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFrame:
     """Validation losses of an ablation by the ablated `value`.
 
-    Args:
-        frame: stored results of the ablation of `name`.
-        name: the ablated setting of the training or the network.
-        by_method: whether each method has its own rows; else all trials with the same
-            value are taken together.
-
-    Returns:
-        One row per `system`, `novice_minutes`, `method` if asked for, and `value`, with
-        the number of `trials` and the `mean`, `minimum` and `maximum` of their losses.
+    One row per `system`, `novice_minutes`, `method` if asked for, and `value`, with the
+    number of `trials` and the `mean`, `minimum` and `maximum` of their losses. Else all
+    trials with the same value are taken together.
     """
     return loss_summary(
         frame.assign(value=_values(frame, name)),
@@ -271,16 +233,10 @@ def ratios(
 ) -> pd.DataFrame:
     """Losses at the values of an ablation, divided by those at Figure 3's.
 
-    Args:
-        frame: stored results of the ablation of `name`.
-        name: the ablated setting.
-        usual: each system's value in Figure 3.
-        results: folder of the results, whose repeated trials of Figure 3 stand in where
-            others ran on motion that was simulated again.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per system, size, `value`, and
-        method where both have the setting.
+    `usual` is each system's value in Figure 3. Its repeated trials in `results` stand
+    in where others ran on motion that was simulated again. The table is made by
+    `pairs.paired_comparison`: one row per system, size, `value`, and method where both
+    have the setting.
     """
     value = _values(frame, name).astype(float)
     is_usual = value == frame.system.map(usual).astype(float)
@@ -329,41 +285,16 @@ _AXES = {
 
 @styled
 def figure(
-    table: pd.DataFrame,
-    name: str,
-    systems: Sequence[str] = PAPER_SYSTEMS,
-    usual: Mapping[str, float] = EMPTY,
-) -> Figure:
-    """Validation loss against an ablated setting, one line per size and method.
-
-    Lines are means over seeds; bars reach from the minimum to the maximum. Values of
-    p_e have a linear axis; the values of other settings stand at equal distances.
-
-    Args:
-        table: made by `table`.
-        name: the ablated setting.
-        systems: one plot for each.
-        usual: each system's value in Figure 3, which a vertical line marks.
-    """
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        _draw(axes, table, name, system, usual)
-        axes.set(ylabel=LOSS_LABEL, title=system_label(system))
-    return figure
-
-
-@styled
-def comparison_figure(
     tables: Mapping[str, pd.DataFrame],
     systems: Sequence[str] = PAPER_SYSTEMS,
     usual: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Figure:
-    """Several ablations side by side, each drawn as `figure` draws it.
+    """Validation loss against ablated settings, one line per size and method.
 
-    Args:
-        tables: ablated setting -> its table; one column of plots for each.
-        systems: one row of plots for each; the plots of a row share the loss axis.
-        usual: ablated setting -> each system's value in Figure 3.
+    Each setting, with its `table`, has a column of plots, each system a row, which
+    shares the loss axis. Lines are means over seeds; bars reach from the minimum to the
+    maximum. Values of p_e have a linear axis; the values of other settings stand at
+    equal distances. A vertical line marks a system's `usual` value, that of Figure 3.
     """
     names = list(tables)
     figure, panels = side_by_side(len(systems) * len(names), len(names))
@@ -373,7 +304,7 @@ def comparison_figure(
         system, name = systems[row], names[column]
         if column and len(tables[name]):
             axes.sharey(panels[row * len(names)])
-        _draw(axes, tables[name], name, system, usual.get(name, EMPTY), legend=False)
+        _draw(axes, tables[name], name, system, usual.get(name, {}))
         axes.set_title(system_label(system))
         axes.tick_params(labelleft=not column)
         if not column:
@@ -383,14 +314,8 @@ def comparison_figure(
 
 
 def _draw(
-    axes: Axes,
-    table: pd.DataFrame,
-    name: str,
-    system: str,
-    usual: Mapping[str, float],
-    legend: bool = True,
+    axes: Axes, table: pd.DataFrame, name: str, system: str, usual: Mapping[str, float]
 ) -> None:
-    """Draw one system's lines of an ablation; the arguments are those of `figure`."""
     values = sorted({*table.value, *usual.values()})
     x = {
         value: value if name == "p_expert" else float(number)
@@ -418,7 +343,7 @@ def _draw(
     if len(rows) and system in usual:
         look = {"color": "0.6", "linestyle": ":", "marker": "", "zorder": 0}
         axes.axvline(x[usual[system]], label="as in Figure 3", **look)
-    finish(axes, legend=legend)
+    finish(axes, legend=False)
     if len(rows) and name == "p_expert":
         axes.set_xlim(-0.03, 1.03)
     elif len(rows):

@@ -6,15 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.style import (
-    METHOD_STYLES,
-    SIZE_STYLES,
-    share_labels,
-    system_label,
-)
+from companion.figures.dots import dot_plot
+from companion.figures.style import system_label
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
 from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import with_repeats
@@ -22,12 +17,35 @@ from companion.studies.throughput import Pace, seconds
 from companion.study import Study
 from companion.trials import Trial
 from ownrobot.comparison.statistics import Interval
-from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 POINT = ["system", "novice_minutes", "method"]
 #: Column of the ratio to each of the paper's methods, on a page.
 RATIOS = {"sidm": "to SIDM's (95 % interval)", "novice_only": "to that without SIDM"}
+#: Headings of the figure -> methods below it, with the names of their rows.
+GROUPS = {
+    "without the expert": {
+        "novice_only": "without SIDM",
+        "least_squares": "least squares",
+    },
+    "the expert's weights": {
+        "pretrain_finetune": "fine-tuned",
+        "finetune_parts": "encoder, decoder fine-tuned",
+        "residual": "corrected by a network",
+        "expert_only": "as they are",
+    },
+    "joint training": {
+        "pooled": "all weights shared",
+        "pooled_flag": "with a system flag",
+    },
+    "SIDM, other matching": {
+        "no_regularisation": "none",
+        "strong_matching": "100 iterations",
+        "mmd": "MMD",
+        "coral": "CORAL",
+        "gradient_reversal": "gradient reversal",
+    },
+}
 
 
 def trials(study: Study, system: str) -> list[Trial]:
@@ -54,12 +72,7 @@ def table(
     """Losses and costs of each method, one row per system, size and method.
 
     Losses are divided on one motion, where the paper's method was repeated on the
-    other's.
-
-    Args:
-        frame: stored results, at most one per system, size, method and seed.
-        results: folder of the results.
-        paces: method -> seconds per 1,000 samples, from `throughput.read`.
+    other's. Two results of one point raise ValueError.
 
     Returns:
         Rows in the order of METHODS: `seeds`; mean `loss`, `lowest` and `highest`; mean
@@ -67,9 +80,6 @@ def table(
         method's pace, or, where it has none, as long as the trials took beside whatever
         ran at that time; and the ratio of the loss to that of each of the paper's
         methods with its interval, `to_sidm`, `to_sidm_low` and so on.
-
-    Raises:
-        ValueError: two results stand for the same point.
     """
     frame = frame.assign(
         samples=frame.samples + frame.pretraining_samples,
@@ -119,47 +129,34 @@ def page_tables(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
         yield f"{system_label(system)}, {minutes:g} min of novice data", shown
 
 
-@styled
 def figure(
-    table: pd.DataFrame, sizes: Sequence[float], systems: Sequence[str] = PAPER_SYSTEMS
+    table: pd.DataFrame, minutes: float, systems: Sequence[str] = PAPER_SYSTEMS
 ) -> Figure:
-    """Mean validation loss of each method, with bars from minimum to maximum.
+    """Each method's loss divided by the SIDM's, with its interval, as labelled dots.
 
     Args:
         table: made by `table`.
-        sizes: minutes of novice data, one colour for each; the mean losses at other
-            sizes are vertical lines.
+        minutes: of novice data.
         systems: one plot for each.
     """
-    figure, panels = side_by_side(len(systems))
-    methods = [name for name in METHODS if name in set(table.method)]
-    width, _ = figure.get_size_inches()
-    figure.set_size_inches(width, 1.2 + 0.34 * max(len(methods), 5))
-    for axes, system in zip(panels, systems, strict=True):
-        rows = table[table.system == system]
-        for number, minutes in enumerate(sizes):
-            points = rows[rows.novice_minutes == minutes]
-            shift = 0.16 * (number - (len(sizes) - 1) / 2)
-            if len(points):
-                height = points.method.map(methods.index) + shift
-                style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
-                _draw_losses(axes, points, height, f"{minutes:g} min", style)
-        for row in rows[~rows.novice_minutes.isin(sizes)].itertuples():
-            label = f"{METHOD_STYLES[row.method]['label']}, {row.novice_minutes:g} min"
-            axes.axvline(row.loss, color="0.5", linestyle=":", marker="", label=label)
-        axes.set(xlabel="validation loss, equation (1)", title=system_label(system))
-        axes.set_ylim(max(len(methods), 1) - 0.5, -0.5)
-        finish(axes)
-        labels = [METHOD_STYLES[name]["label"] for name in methods]
-        axes.set_yticks(range(len(methods)), labels)
-    share_labels(panels)
-    return figure
+    table = table[(table.novice_minutes == minutes) & table.to_sidm.notna()]
+    rows = [
+        (system_label(system), row, group, name, *ends)
+        for group, names in _rows(set(table.method)).items()
+        for name, row in names.items()
+        for system in systems
+        for ends in table.loc[
+            (table.system == system) & (table.method == name),
+            ["to_sidm", "to_sidm_low", "to_sidm_high"],
+        ].itertuples(index=False)
+    ]
+    names = ["panel", "row", "group", "method", "value", "low", "high"]
+    dots = pd.DataFrame(rows, columns=names)
+    return dot_plot(dots, "loss / that with SIDM", ticks=(0.5, 0.7, 1.0, 1.5, 2.0, 3.0))
 
 
-def _draw_losses(
-    axes: Axes, rows: pd.DataFrame, height: pd.Series, label: str, style: Mapping
-) -> None:
-    """Draw the losses of one size as points with bars from lowest to highest."""
-    below, above = rows.loss - rows.lowest, rows.highest - rows.loss
-    bars = [below.clip(0), above.clip(0)]
-    axes.errorbar(rows.loss, height, xerr=bars, capsize=2, label=label, **style)
+def _rows(methods: set[str]) -> dict[str, dict[str, str]]:
+    """GROUPS, and a group of the methods that are in none."""
+    known = {name for names in GROUPS.values() for name in names}
+    others = [name for name in METHODS if name in methods - known - {"sidm"}]
+    return GROUPS | {"further methods": {n: METHODS[n].label for n in others}}

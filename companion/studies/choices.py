@@ -11,14 +11,20 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from companion.engine.store import Results
-from companion.methods import CHOICES, FIGURE3, RELEASED
+from companion.figures.named_rows import dot_plots, line_of_no_difference, name_rows
+from companion.figures.style import METHOD_STYLES, legend_below
+from companion.methods import CHOICES, COMPARED, FIGURE3, RELEASED
+from companion.statistics import savings
 from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
+from sidm.plots import finish, styled
 
 #: Description of a choice -> changes of the preset, and the methods that it concerns.
 Choices = Mapping[str, tuple[dict[str, Any], tuple[str, ...]]]
@@ -29,10 +35,9 @@ UNCHANGED = "as in Figure 3"
 def changed(
     study: Study, system: str, choices: Choices = CHOICES
 ) -> dict[str, list[Trial]]:
-    """The trials of a system with each of the choices changed.
+    """The trials of a system with each of the choices changed, by the choice.
 
-    Returns:
-        Choice -> its trials: of CHOICES on a small dataset, of RELEASED at every size.
+    Those of CHOICES are on a small dataset, those of RELEASED at every size.
     """
     small = study.preset.ablation_minutes[:1]
     every = study.preset.novice_minutes(system)
@@ -72,14 +77,10 @@ def frame(
 def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Ratios of the losses with a choice changed to the losses of Figure 3.
 
-    Args:
-        frame: made by `frame`.
-        results: folder of the results, whose repeated trials of Figure 3 stand in where
-            the changed ones ran on motion that was simulated again.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per system, method, size and
-        choice; a ratio above 1 means that the choice of Figure 3 is better.
+    Repeated trials of Figure 3 in `results` stand in where the changed ones ran on
+    motion that was simulated again. The table is made by `pairs.paired_comparison`, one
+    row per system, method, size and choice; a ratio above 1 means that the choice of
+    Figure 3 is better.
     """
     return paired_comparison(
         frame[frame.choice != UNCHANGED],
@@ -87,3 +88,48 @@ def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
         ["system", "method", "novice_minutes"],
         ["choice"],
     )
+
+
+def saved(frame: pd.DataFrame) -> pd.DataFrame:
+    """Data ratios of the SIDM in Figure 3 and with choices of the released code.
+
+    Where only the SIDM has a choice, the novice alone is that of Figure 3.
+
+    Args:
+        frame: made by `frame` with RELEASED.
+
+    Returns:
+        A table of `savings.savings` with the column `choice`.
+    """
+    parts = []
+    for choice, rows in frame.groupby("choice", sort=False):
+        alone = frame[(frame.choice == UNCHANGED) & (frame.method == COMPARED[1])]
+        both = rows if COMPARED[1] in set(rows.method) else pd.concat([rows, alone])
+        parts.append(savings.savings(both).assign(choice=choice))
+    return pd.concat(parts) if parts else savings.savings(frame).assign(choice="")
+
+
+@styled
+def figure(table: pd.DataFrame) -> Figure:
+    """A row per choice with the ratio of each method's losses and its interval.
+
+    Args:
+        table: rows of `table` of one system and size.
+    """
+    names = list(dict.fromkeys(table.choice))
+    drawn, (axes,) = dot_plots(1, len(names), height=0.55)
+    methods = [name for name in FIGURE3 if name in set(table.method)]
+    for number, method in enumerate(methods):
+        rows = table[table.method == method]
+        heights = rows.choice.map(names.index) + 0.19 * number - 0.05
+        bars = np.clip([rows.ratio - rows.low, rows.high - rows.ratio], 0, None)
+        style = METHOD_STYLES[method] | {"linestyle": "", "elinewidth": 1.2}
+        axes.errorbar(rows.ratio, heights, xerr=bars, capsize=2, **style)
+    if names:
+        line_of_no_difference(axes)
+        axes.set(xscale="log", xlabel="loss after the change / loss before it")
+    finish(axes, [0.9, 1, 1.1, 1.2, 1.3, 1.4] if names else (), legend=False)
+    if names:
+        name_rows(axes, names)
+    legend_below(drawn, [axes])
+    return drawn

@@ -28,9 +28,8 @@ def trials(study: Study, system: str) -> list[Trial]:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Ratio of each component's loss with SIDM to its loss without.
 
-    Returns:
-        A table of `pairs.paired_comparison`, one row per system, size and component; a
-        ratio below 1 means that SIDM predicts the component better.
+    The table is made by `pairs.paired_comparison`, one row per system, size and
+    component; a ratio below 1 means that SIDM predicts the component better.
     """
     long = frame.assign(component=[NAMES] * len(frame)).explode(
         ["component", "component_losses"]

@@ -47,12 +47,9 @@ def trials(study: Study, system: str) -> list[Trial]:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Ratio of the method's loss to that of its best rival with twice the data.
 
-    A seed counts where the method and every rival have it.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per pair of robots and size, with
-        the best `rival`, and whether the claim `holds` there: the whole interval of the
-        ratio lies below 1.
+    A seed counts where the method and every rival have it. The table is made by
+    `pairs.paired_comparison`, one row per pair of robots and size, with the best
+    `rival`, and whether the claim `holds` there: the whole interval lies below 1.
     """
     point = ["system", "novice_minutes"]
     method, rivals = frame[frame.method == METHOD], frame[frame.method.isin(RIVALS)]
@@ -85,12 +82,8 @@ def for_page(table: pd.DataFrame) -> pd.DataFrame:
 def verdict(table: pd.DataFrame) -> bool | None:
     """Whether the claim holds at every pair and size.
 
-    Args:
-        table: made by `table`.
-
-    Returns:
-        False as soon as the claim fails at one point with FEWEST_SEEDS; else None until
-        all points have so many seeds, then True.
+    False as soon as the claim fails at one point with FEWEST_SEEDS; else None until all
+    points have so many seeds, then True.
     """
     run = table[table.seeds >= FEWEST_SEEDS]
     if not run.holds.all():

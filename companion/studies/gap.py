@@ -11,7 +11,6 @@ of prediction errors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
@@ -56,14 +55,10 @@ COMPONENTS = {
 
 
 def simulate_components(system: str, starts: Sequence[int]) -> np.ndarray:
-    """Drive both robots of a pair from the same starts under the same actions.
+    """COMPONENTS (2, N, STEPS + 1, 12) of a pair's novice, then expert, from N starts.
 
-    Args:
-        system: name of the pair.
-        starts: N numbers; ground, heading and actions are drawn from each.
-
-    Returns:
-        COMPONENTS (2, N, STEPS + 1, 12) of the novice's motion, then the expert's.
+    Both get the same ground, heading and actions, which are drawn from the number of
+    the start.
     """
     from sidm.simulation import Simulator
     from sidm.simulation.exploration import draw_actions
@@ -98,53 +93,45 @@ def components(states: np.ndarray, yaw: float) -> np.ndarray:
     return np.column_stack([forward, sideways, z, roll, pitch, turned, states[:, 7:13]])
 
 
-def measure(
-    executor: Executor,
-    results: Path,
+def make(
+    study: Study,
+    workers: int,
     systems: Sequence[str] = EVERY_SYSTEM,
     starts: int = STARTS,
 ) -> None:
-    """Drive all pairs, and store the gap and the novice's spread at every step.
+    """Measure and store the gap at every step, for `companion run --figure gap`.
 
     The gap is the root mean square, over the starts, of the difference between the
     expert's and the novice's component. The spread is the standard deviation of the
     novice's component over the starts; the gap is compared with it.
-
-    Args:
-        executor: runs the drives.
-        results: folder that `gap.json` is written to.
-        systems: names of the pairs.
-        starts: number of starts.
     """
     batches = [
         range(first, min(first + BATCH, starts)) for first in range(0, starts, BATCH)
     ]
-    jobs = {
-        system: [
-            executor.submit(simulate_components, system, batch) for batch in batches
-        ]
-        for system in systems
-    }
     measured = {}
-    for system, parts in jobs.items():
-        motions = np.concatenate([part.result() for part in parts], axis=1)
-        novice, expert = motions  # (N, STEPS + 1, 12) each
-        gap = np.sqrt(((expert - novice) ** 2).mean(0))
-        measured[system] = {
-            "gap": gap.round(6).tolist(),
-            "spread": novice.std(0).round(6).tolist(),
+    with local_pool(workers) as pool:
+        jobs = {
+            system: [pool.submit(simulate_components, system, part) for part in batches]
+            for system in systems
         }
+        for system, parts in jobs.items():
+            motions = np.concatenate([part.result() for part in parts], axis=1)
+            novice, expert = motions  # (N, STEPS + 1, 12) each
+            gap = np.sqrt(((expert - novice) ** 2).mean(0))
+            measured[system] = {
+                "gap": gap.round(6).tolist(),
+                "spread": novice.std(0).round(6).tolist(),
+            }
     robots = {system: to_mapping(find_system(system)) for system in systems}
     made = {"starts": starts, "systems": robots, "numerics": versions("free_struts")}
-    write_record(results / NAME, {"found": measured, **made})
+    write_record(study.results / NAME, {"found": measured, **made})
 
 
 def table(results: Path | str = "results") -> pd.DataFrame:
     """The stored gaps as a table, without rows if none are stored.
 
-    Returns:
-        One row per system, component and `time`, s: `gap`, the novice's `spread`, and
-        their `ratio`.
+    One row per system, component and `time`, s: `gap`, the novice's `spread`, and their
+    `ratio`.
     """
     stored = read_or_empty(Path(results) / NAME).get("found", {})
     rows = [
@@ -161,12 +148,7 @@ def table(results: Path | str = "results") -> pd.DataFrame:
 
 @styled
 def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
-    """Ratio of gap to the novice's spread by component, one mark per system.
-
-    Args:
-        table: made by `table`.
-        time: since the start, s.
-    """
+    """Ratio of gap to the novice's spread after `time` s, one mark per system."""
     figure, (axes,) = side_by_side(1)
     figure.set_size_inches(8, 4.6)
     names = list(COMPONENTS)
@@ -185,9 +167,3 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
         axes.set_ylim(len(names) - 0.5, -0.5)
     legend_below(figure, [axes])
     return figure
-
-
-def make(study: Study, workers: int) -> None:
-    """Measure and store the gap, for `companion run --figure gap`."""
-    with local_pool(workers) as pool:
-        measure(pool, study.results)

@@ -5,8 +5,8 @@ The losses of each change are compared with those of SIDM without the change.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator
-from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +15,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.store import Results
+from companion.figures.named_rows import (
+    HOLLOW,
+    dot_plots,
+    line_of_no_difference,
+    name_rows,
+)
+from companion.figures.style import METHOD_STYLES, legend_below, system_label
 from companion.methods import (
     BOTH_OF_SIDM,
     CHOICES,
@@ -31,7 +38,8 @@ from companion.studies import ablations
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
-from sidm.plots import finish, side_by_side, styled
+from sidm.plots import finish, styled
+from sidm.systems import PAPER_SYSTEMS
 
 # The hypotheses: what might limit the SIDM.
 ALIKE = "how alike the robots are"
@@ -76,6 +84,8 @@ CROSSED = {
 }
 
 UNCHANGED = "as it is"
+#: Pair of robots -> marker of its dots.
+MARKERS = dict(zip(PAPER_SYSTEMS, ("o", "s"), strict=True))
 POINT = ["system", "novice_minutes"]
 
 
@@ -129,6 +139,15 @@ def changes(study: Study, system: str) -> Iterator[Change]:
         yield Change(tested[change], change, "most-data", trials)
 
 
+def trials(study: Study, system: str) -> list[Trial]:
+    """The trials of SIDM as it is and with every change, each once."""
+    preset = study.preset
+    sizes = [*preset.novice_minutes(system), *preset.baseline_minutes]
+    every = study.points(system, ["sidm"], sizes)
+    every += [trial for change in changes(study, system) for trial in change.trials]
+    return list({trial.key: trial for trial in every}.values())
+
+
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
     """Stored results by `hypothesis` and `change`; SIDM itself has change UNCHANGED."""
     parts = []
@@ -150,15 +169,9 @@ def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
 def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Ratios of the losses of changed SIDMs to the losses of the unchanged SIDM.
 
-    A pair is on one motion, where the unchanged SIDM was repeated on the other's.
-
-    Args:
-        frame: made by `frame`.
-        results: folder of the results.
-
-    Returns:
-        A table of `pairs.paired_comparison` with a `verdict`, sorted by system, size
-        and ratio, the lowest ratio first.
+    A pair is on one motion, where the unchanged SIDM was repeated on the other's. The
+    table is made by `pairs.paired_comparison`, with a `verdict`, sorted by system, size
+    and ratio, the lowest ratio first.
     """
     sidm = frame.change == UNCHANGED
     changed, by = frame[~sidm], ["hypothesis", "change"]
@@ -171,12 +184,7 @@ def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
 def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
     """Ratio of the novice's loss through the expert's parts to that through its own.
 
-    Args:
-        diagnoses: one row per model, with its `validation_loss` and the columns that
-            CROSSED names.
-
-    Returns:
-        A table of `pairs.paired_comparison`, whose `change` is a text of CROSSED.
+    `diagnoses` have one row per model. The `change` is a text of CROSSED.
     """
     crossed = [
         diagnoses.assign(validation_loss=diagnoses[column], change=parts)
@@ -186,15 +194,11 @@ def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Changes sorted by the least ratio that they reach.
+    """Changes sorted by the least ratio that they reach, of the rows of `table`.
 
-    Args:
-        table: made by `table`; comparisons without an interval are left out.
-
-    Returns:
-        One row per hypothesis and change: the number of `comparisons`, in how many of
-        them the change is `better` or `worse` (the whole interval lies on one side of
-        1), and the `least` and `greatest` ratio.
+    One row per hypothesis and change: the number of `comparisons` with an interval, in
+    how many of them the change is `better` or `worse` (the whole interval lies on one
+    side of 1), and the `least` and `greatest` ratio.
     """
     clear = table[table.verdict != NO_VERDICT]
     clear = clear.assign(better=clear.verdict == BETTER, worse=clear.verdict == WORSE)
@@ -209,37 +213,38 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
 
 
 @styled
-def figure(ranked: pd.DataFrame) -> Figure:
-    """The range of each change's ratios, the greatest gain on top.
+def figure(compared: pd.DataFrame) -> Figure:
+    """A row per change with a dot for each of its comparisons, the lowest ratio on top.
+
+    A dot is filled where the whole interval lies on one side of 1.
 
     Args:
-        ranked: rows of `ranking`.
+        compared: rows of `table`; changes with one comparison are left out.
     """
-    rows = ranked[ranked.comparisons > 1].iloc[::-1].reset_index(drop=True)
-    drawn, (axes,) = side_by_side(1)
+    ranked = ranking(compared)
+    rows = ranked[ranked.comparisons > 1].reset_index(drop=True)
+    drawn, (axes,) = dot_plots(1, len(rows))
     if not len(rows):
         finish(axes, notice="no change has two comparisons\nwith an interval")
         return drawn
-    drawn.set_size_inches(9.6, 0.8 + 0.24 * len(rows))
-    axes.hlines(rows.index, rows.least, rows.greatest, color="#0072B2", lw=2)
-    always = rows.better == rows.comparisons
-    for chosen, face in ((always, "#0072B2"), (~always, "white")):
-        for end in ("least", "greatest"):
-            axes.plot(
-                rows[end][chosen],
-                rows.index[chosen],
-                color="#0072B2",
-                linestyle="",
-                marker="o",
-                markerfacecolor=face,
-            )
-    axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="")
+    shown = compared[compared.verdict != NO_VERDICT]
+    shown = shown[shown.change.isin(rows.change)]
+    heights = shown.change.map({name: row for row, name in rows.change.items()})
+    apart = shown.verdict.isin([BETTER, WORSE])
+    dots = {"color": METHOD_STYLES["sidm"]["color"], "linestyle": "", "ms": 7}
+    for (system, marker), filled in itertools.product(MARKERS.items(), (True, False)):
+        here = (shown.system == system) & (apart == filled)
+        if here.any():
+            label = system_label(system) if filled else None
+            look = dots | {"marker": marker} | ({} if filled else HOLLOW)
+            axes.plot(shown.ratio[here], heights[here], label=label, **look)
+    line_of_no_difference(axes)
     axes.set(xscale="log", xlabel="loss after the change / loss of the SIDM")
-    axes.set_yticks(rows.index, rows.change)
-    axes.set_ylim(-0.7, len(rows) - 0.3)
-    ticks = [0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2]
-    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axes.minorticks_off()
+    finish(axes, [0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2], legend=False)
+    ends = rows[["least", "greatest"]].itertuples(index=False)
+    names = [name.replace("p_e", "$p_e$") for name in rows.change]
+    name_rows(axes, names, [f"{low:.2f} to {high:.2f}" for low, high in ends])
+    legend_below(drawn, [axes])
     return drawn
 
 
@@ -279,4 +284,4 @@ def _kept_point(row: Any) -> int:
     def smooth(past: float, now: float) -> float:
         return row.smoothing * past + (1 - row.smoothing) * now
 
-    return int(np.argmin(list(accumulate(row.curve_test_loss, smooth))))
+    return int(np.argmin(list(itertools.accumulate(row.curve_test_loss, smooth))))

@@ -86,14 +86,10 @@ def tries(study: Study, system: str) -> list[Trial]:
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of all methods' losses to those of training without SIDM.
+    """Ratios of all methods' losses to those of training without SIDM, without tries.
 
-    The tries of learning rates are left out.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per method, network size and
-        `learning_rate` of training from random weights; below 1 where the method is
-        better.
+    The table is made by `pairs.paired_comparison`, one row per method, network size and
+    `learning_rate` of training from random weights; below 1 where the method is better.
     """
     frame = frame[frame.seed < TUNING_SEED]
     first_rate = frame.pretraining_learning_rate.fillna(frame.learning_rate)
@@ -101,3 +97,19 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     alone = frame.method == COMPARED[1]
     point = ["system", "novice_minutes", *SIZE, "learning_rate"]
     return paired_comparison(frame[~alone], frame[alone], on=point)
+
+
+def learning_ratios(table: pd.DataFrame) -> pd.Series:
+    """SIDM's ratios at the sizes that learn within the patience of Figure 3."""
+    small = (table.pixels < 128) & (table.layers < 4)
+    fast = table.learning_rate != SLOW["learning_rate"]
+    return table.ratio[(table.method == "sidm") & fast & small]
+
+
+def slow_ratio(table: pd.DataFrame, hidden: int) -> str:
+    """SIDM's ratio at the smaller rate, with LSTMs of so many hidden units, as text."""
+    slow = table.learning_rate == SLOW["learning_rate"]
+    rows = table[(table.method == "sidm") & slow & (table.hidden == hidden)]
+    texts = [f"{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f})" for r in rows.itertuples()]
+    known = len(texts) == 1 and rows.seeds.iloc[0] > 1
+    return texts[0] if known else "not run"

@@ -9,20 +9,15 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from companion.bodies import NOVICES
-from companion.figures.style import METHOD_STYLES, legend_below
+from companion.figures.style import METHOD_STYLES
 from companion.methods import ANY_BODIES
-from companion.statistics.pairs import paired_comparison
+from companion.statistics.pairs import page_table, paired_comparison
+from companion.statistics.tables import wide
 from companion.study import Study
 from companion.trials import Trial
-from sidm.plots import finish, side_by_side, styled
-
-#: Methods whose losses the figure compares with those of SIDM.
-SHOWN = ("novice_only", "core_finetune")
 
 
 def trials(study: Study, system: str) -> list[Trial]:
@@ -37,11 +32,10 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of SIDM's losses to those of the other methods.
+    """Ratios of SIDM's losses to those of the other methods; below 1 SIDM is better.
 
-    Returns:
-        A table of `pairs.paired_comparison`, one row per novice, size and other method,
-        which is in the column `against`; below 1 where SIDM is better.
+    The table is made by `pairs.paired_comparison`, one row per novice, size and other
+    method, which is in the column `against`.
     """
     point = ["system", "novice_body", "novice_minutes"]
     sidm, parts = frame[frame.method == "sidm"], []
@@ -57,31 +51,10 @@ def by_novice(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(system=frame.novice_body)
 
 
-@styled
-def figure(table: pd.DataFrame) -> Figure:
-    """Ratio of the loss with SIDM to that of each method of SHOWN, by novice.
-
-    There is one plot per size; below 1 SIDM is better.
-    """
-    sizes = sorted(table.novice_minutes.unique())
-    figure, panels = side_by_side(max(len(sizes), 1))
-    names = list(NOVICES)
-    if not sizes:
-        finish(panels[0])
-    for axes, minutes in zip(panels, sizes, strict=False):
-        for number, other in enumerate(SHOWN):
-            rows = table[(table.novice_minutes == minutes) & (table.against == other)]
-            height = rows.novice_body.map(names.index) + 0.2 * (number - 0.5)
-            bars = np.clip([rows.ratio - rows.low, rows.high - rows.ratio], 0, None)
-            label = f"other: {METHOD_STYLES[other]['label']}"
-            style = METHOD_STYLES[other] | {"linestyle": "", "label": label}
-            style |= {"capsize": 2, "elinewidth": 1}
-            axes.errorbar(rows.ratio, height, xerr=bars, **style)
-        axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-        axes.set_xlabel("loss with SIDM / loss of the other (-)")
-        axes.set_title(f"{minutes:g} min of novice data")
-        axes.set_yticks(range(len(names)), names)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-        finish(axes, legend=False)
-    legend_below(figure, panels)
-    return figure
+def for_page(table: pd.DataFrame) -> pd.DataFrame:
+    """A table made by `table` as a page shows it: a column for each size."""
+    shown = page_table(table, 2, novice_body="novice")
+    shown["minutes"] = [f"with {m:g} min" for m in table.novice_minutes]
+    shown["loss by that of"] = [METHOD_STYLES[name]["label"] for name in table.against]
+    keys = ["novice", "loss by that of"]
+    return wide(shown, keys, "minutes", "ratio (95 % interval)")

@@ -70,13 +70,7 @@ def neighbourhoods(
 ) -> dict[str, Neighbourhood]:
     """Compare the expert's and the novice's steps with the novice's validation steps.
 
-    Args:
-        expert: inputs (N, 11) and transitions (N, 13) of the expert's steps.
-        novice: the novice's, in the same shapes.
-        queries: inputs (Q, 11) and transitions (Q, 13) of the validation steps.
-
-    Returns:
-        The neighbourhoods of the 'expert' and the 'novice'.
+    Each is a pair of inputs (N, 11) and transitions (N, 13).
     """
     scale = np.maximum(expert[0].std(axis=0), 1e-9)
     nearest, losses = {}, {}
@@ -95,8 +89,8 @@ def neighbourhoods(
     }
 
 
-def measure(study: Study, results: Path) -> None:
-    """Measure both systems of a study and write NAME in the folder `results`."""
+def make(study: Study, workers: int) -> None:
+    """Measure and store, for `companion run --figure overlap`, in one process."""
     measured: dict[str, dict[str, list[float]]] = {}
     for system in PAPER_SYSTEMS:
         loaded = {
@@ -111,7 +105,7 @@ def measure(study: Study, results: Path) -> None:
             for role, values in neighbourhoods(expert, novice, queries).items()
         }
     made = {"preset": study.preset.name, "numerics": versions("simulation")}
-    write_record(results / NAME, {**measured, **made})
+    write_record(study.results / NAME, {**measured, **made})
 
 
 def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
@@ -124,8 +118,3 @@ def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
         for system in PAPER_SYSTEMS
         if system in stored
     }
-
-
-def make(study: Study, workers: int) -> None:
-    """Measure and store, for `companion run --figure overlap`, in one process."""
-    measure(study, study.results)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,18 +23,19 @@ from scipy.spatial import cKDTree
 
 from companion.engine.datasets import collect_dataset
 from companion.engine.records import read_or_empty
-from companion.figures.style import SIZE_STYLES, legend_below
-from companion.methods import CORES
+from companion.figures.dots import dot_plot
+from companion.figures.style import system_label
 from companion.numerics import versions
 from companion.statistics.savings import savings
+from companion.studies.other_bodies import by_novice
 from companion.studies.overlap import NEIGHBOURS
-from companion.studies.real_robots.measure import PAIRS, robot
+from companion.studies.real_robots import results as robot_results
+from companion.studies.real_robots.measure import HELD_OUT, PAIRS, robot
+from companion.studies.several_experts import results as family_results
 from companion.studies.several_experts.family import dataset, robots
-from companion.studies.several_experts.results import MEMBER as MEMBER_ALONE
 from companion.study import Study
 from companion.trials import EXPERT_SEED, POOL_SEED
 from sidm.drives import QUATERNION, Drive, yaw_of
-from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.shards import Collection
 from sidm.storage import write_record
@@ -49,13 +50,21 @@ MEMBER = 0  # the member of the family that is an expert
 QUERY_EVERY = 4  # every fourth trajectory of the novice is predicted
 NAME = "payoff.json"
 
-#: Title of each plot -> methods that it shows: those that train an SIDM, and those that
-#: go on from the expert's weights.
+#: Title of each plot -> the method that it shows.
 PANELS = {
-    "with an SIDM": ("sidm",),
-    "by pretraining and fine-tuning": ("pretrain_finetune", "core_finetune"),
+    "an SIDM": "sidm",
+    "fine-tuning": "pretrain_finetune",
+    "fine-tuning, core alone": "core_finetune",
 }
-SAVING = tuple(method for methods in PANELS.values() for method in methods)
+SAVING = tuple(PANELS.values())
+PAPER, FREE, FAMILY = "the paper's pairs", "free struts", "an expert of the family"
+BODIES, REAL = "novices of another body", "real robots"
+#: Headings of the figure -> kinds of pairs below it.
+HEADINGS = {
+    "simulated, same sensors": (PAPER, FREE, FAMILY),
+    "simulated, other sensors": (BODIES,),
+    "real robots": (REAL,),
+}
 
 
 class PlanarMotion(NamedTuple):
@@ -148,11 +157,9 @@ def _twist(commands: np.ndarray, motions: np.ndarray) -> np.ndarray:
 def gap(expert: PlanarMotion, novice: PlanarMotion) -> dict[str, float]:
     """Errors of motions predicted from the expert's and the novice's samples.
 
-    Both predictions use the same number of samples.
-
-    Returns:
-        Mean errors over a second, m and rad: `displacement` and `heading` from
-        the expert's samples, `own_displacement` and `own_heading` from the novice's.
+    Both predictions use the same number of samples. Means over a second, m and rad:
+    `displacement` and `heading` from the expert's samples, `own_displacement` and
+    `own_heading` from the novice's.
     """
     experts, novices = motion_samples(expert), motion_samples(novice)
     queries = novices.trajectories % QUERY_EVERY == 0
@@ -198,25 +205,23 @@ def pair_motions(
         yield pair, recorded_motion(expert), recorded_motion(novice)
 
 
-def measure(data: Path, results: Path, executor: Executor) -> None:
-    """Measure the gap of every pair and write NAME in the folder `results`."""
-    measured = {
-        pair: {
-            name: float(f"{value:.5g}") for name, value in gap(expert, novice).items()
-        }
-        for pair, expert, novice in pair_motions(data, executor)
-    }
+def make(study: Study, workers: int) -> None:
+    """Measure and store the gap of every pair, for `companion run --figure payoff`."""
+    measured = {}
+    with local_pool(workers) as pool:
+        for pair, *motions in pair_motions(study.data, pool):
+            errors = gap(*motions)
+            measured[pair] = {name: float(f"{errors[name]:.5g}") for name in errors}
     record = {"found": measured, "numerics": versions("free_struts")}
-    write_record(results / NAME, record)
+    write_record(study.results / NAME, record)
 
 
 def gaps(results: Path | str = "results") -> pd.DataFrame:
     """The stored gaps as a table, without rows if none are stored.
 
-    Returns:
-        One row per `pair`: the errors that `gap` returns; the expert's divided by the
-        novice's own, `displacement_ratio` and `heading_ratio`; and `gap`, their
-        geometric mean: 1 where the expert predicts as well as the novice itself.
+    One row per `pair`: the errors that `gap` returns; the expert's divided by the
+    novice's own, `displacement_ratio` and `heading_ratio`; and `gap`, their geometric
+    mean: 1 where the expert predicts as well as the novice itself.
     """
     stored = read_or_empty(Path(results) / NAME).get("found", {})
     names = ["displacement", "heading", "own_displacement", "own_heading"]
@@ -263,14 +268,9 @@ class Group(NamedTuple):
 def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
     """Novice data of training without SIDM divided by each method's, at equal loss.
 
-    The method has about a minute of the novice's motion.
-
-    Args:
-        groups: kind of pairs -> their results.
-
-    Returns:
-        A table of `savings`, one row per `kind`, `system` and method that has results,
-        with the `pair` whose gap belongs to the row.
+    The method has about a minute of the novice's motion. The table is made by
+    `savings`, one row per `kind`, `system` and method that has results, with the `pair`
+    whose gap belongs to the row.
     """
     parts = []
     for kind, (frame, size, value, pair, held_out) in groups.items():
@@ -284,13 +284,10 @@ def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
 def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """Fine-tuning after one expert of the family, as results like those of Figure 3.
 
-    Training without SIDM stands beside it; both have the system 'family'.
-
-    Args:
-        frame: results of Figure 3.
-        table: the table of several experts.
+    Training without SIDM stands beside it, from the `frame` of Figure 3; both have the
+    system 'family'. `table` is that of several experts.
     """
-    member = table[(table.experts == MEMBER_ALONE) & (table.way == "all")]
+    member = table[(table.experts == family_results.MEMBER) & (table.way == "all")]
     losses = member.rename(columns={"loss": "validation_loss"})
     tuned = losses.assign(method="pretrain_finetune")
     alone = frame[(frame.method == "novice_only") & frame.system.isin(member.system)]
@@ -299,58 +296,61 @@ def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     return both.assign(system="family")
 
 
-def table(gaps: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
-    """Gap and saving of each pair, the smallest gap first.
-
-    Pairs whose gap or saving is not known are left out.
+def groups(
+    figure3: pd.DataFrame,
+    free: pd.DataFrame,
+    bodies: pd.DataFrame,
+    relatives: pd.DataFrame,
+    recorded: pd.DataFrame,
+) -> dict[str, Group]:
+    """Kinds of pairs -> their results, for `saved`.
 
     Args:
-        gaps: made by `gaps`.
-        saved: made by `saved`.
+        figure3: results of Figure 3.
+        free: the same with free struts.
+        bodies: results of novices with other bodies.
+        relatives: records of several experts.
+        recorded: records of real robots.
     """
+    member = family_of(figure3, family_results.table(relatives))
+    real = robot_results.long(recorded)
+    return {
+        PAPER: Group(figure3, 1.0),
+        FREE: Group(free, 1.0),
+        FAMILY: Group(member, 1.0),
+        BODIES: Group(by_novice(bodies), 1.0, pair="system1"),
+        REAL: Group(real, 8.0, "loss", held_out=HELD_OUT),
+    }
+
+
+def table(gaps: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
+    """Gap and saving of each pair that has both, the smallest gap first."""
     names = ["kind", "system", "pair", "method", "gap"]
     names += ["seeds", "ratio", "low", "high", "bound"]
     rows = saved.merge(gaps, on="pair").sort_values(["gap", "system", "method"])
     return rows[names].reset_index(drop=True)
 
 
-@styled
 def figure(table: pd.DataFrame) -> Figure:
-    """The saving against the gap, one plot for each title of PANELS.
+    """The saving of each pair of robots as labelled dots, by the gap between them.
 
-    No point is drawn where the sizes that were run give no more than a bound.
+    No dot is drawn where the sizes that were run give no more than a bound.
     """
-    figure, panels = side_by_side(2)
-    table = table[table.bound == "="]
-    kinds = list(dict.fromkeys(table.kind))
-    for axes, (title, methods) in zip(panels, PANELS.items(), strict=True):
-        axes.set(xscale="log", yscale="log", title=title)
-        axes.set_xlabel("gap between the robots before learning (1: none)")
-        axes.set_ylabel("data without it / with it, same loss")
-        shown = table[table.method.isin(methods)]
-        for (kind, method), rows in shown.groupby(["kind", "method"], sort=False):
-            low, high = rows.low.fillna(rows.ratio), rows.high.fillna(rows.ratio)
-            bars = np.clip([rows.ratio - low, high - rows.ratio], 0, None)
-            style = SIZE_STYLES[kinds.index(kind)] | {"linestyle": "", "label": kind}
-            if method in CORES:
-                label = f"{kind}, recurrent core alone"
-                style |= {"label": label, "markerfacecolor": "white"}
-            # points of one pair stand side by side
-            gap = rows.gap * 1.025 ** rows.groupby("gap").cumcount()
-            axes.errorbar(gap, rows.ratio, yerr=bars, capsize=2, elinewidth=1, **style)
-        if len(shown):
-            axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-    drawn = [axes for axes in panels if axes.has_data()]
-    ends = [axes.get_ylim() for axes in drawn]
-    for axes in drawn:
-        axes.set_ylim(min(low for low, _ in ends), max(high for _, high in ends))
-    for axes in panels:
-        finish(axes, (1, 1.5, 2, 3, 5), legend=False)
-    legend_below(figure, panels)
-    return figure
+    table = table[table.bound == "="].sort_values("gap", kind="stable")
+    rows = [
+        (panel, _row(row), heading, method, row.ratio, row.low, row.high)
+        for heading, kinds in HEADINGS.items()
+        for row in table[table.kind.isin(kinds)].itertuples()
+        for panel, method in PANELS.items()
+        if row.method == method
+    ]
+    names = ["panel", "row", "group", "method", "value", "low", "high"]
+    dots = pd.DataFrame(rows, columns=names)
+    ticks = 0.3, 1.0, 3.0, 10.0, 30.0, 100.0
+    return dot_plot(dots, "data saved (times)", list(PANELS), ticks)
 
 
-def make(study: Study, workers: int) -> None:
-    """Measure and store the gaps, for `companion run --figure payoff`."""
-    with local_pool(workers) as pool:
-        measure(study.data, study.results, pool)
+def _row(row: Any) -> str:
+    """The name of a pair's row, with its gap."""
+    pair = "system 1, family" if row.system == "family" else system_label(row.system)
+    return f"{pair} (gap {row.gap:.1f})"

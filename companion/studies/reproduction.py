@@ -34,13 +34,8 @@ def store_of(results: str | Path = "results") -> Results:
 def with_repeats(reference: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Results to compare with, and the same trials on the other machine's data.
 
-    Args:
-        reference: stored results, as `Results.frame` gives them.
-        results: folder of the results.
-
-    Returns:
-        The rows with the column `pairs.MOTION`, so that `pairs.paired_comparison` takes
-        those on the same motion.
+    The rows have the column `pairs.MOTION`, so that `pairs.paired_comparison` takes
+    those on the same motion.
     """
     rows = store_of(results).frame()
     first = reference.assign(**{MOTION: False})
@@ -54,10 +49,7 @@ def with_repeats(reference: pd.DataFrame, results: str | Path) -> pd.DataFrame:
 def retrained(records: Iterable[Any], things: str, results: str | Path) -> str:
     """How far the losses of models that a study trained again are from Figure 3's.
 
-    Args:
-        records: about trials, or about None where there is no model.
-        things: what the models are, in the plural.
-        results: folder of the results.
+    `things` is what the models are, in the plural; records may be about no trial.
     """
     store, differences = Results(results), []
     for record in records:
@@ -72,7 +64,6 @@ def retrained(records: Iterable[Any], things: str, results: str | Path) -> str:
 
 
 def _settings(frame: pd.DataFrame) -> pd.Series:
-    """What was trained, and how, as text."""
     names = ["system", "method", "novice_minutes", "seed"]
     for kind in (Network, StudyTraining):
         names += [field.name for field in dataclasses.fields(kind)]
@@ -87,11 +78,7 @@ def _text(value: object) -> str:
 
 
 def table(stored: Results, repeated: Results) -> pd.DataFrame:
-    """Ratios of repeated to stored losses, of trials that differ only in their data.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per system, method and size.
-    """
+    """Ratios of repeated to stored losses, of trials that differ only in their data."""
     both = [row.trial for row in repeated.all() if stored.get(row.trial)]
     order = list(METHODS)
     both.sort(key=lambda t: (t.system, t.novice_minutes, order.index(t.method), t.seed))
@@ -102,9 +89,8 @@ def table(stored: Results, repeated: Results) -> pd.DataFrame:
 def unmatched(stored: Results, repeated: Results) -> dict[str, int]:
     """Why repeated trials have no counterpart among the stored ones.
 
-    Returns:
-        The reason, that is in what a trial differs from the stored one that is most
-        like it -> how many trials it holds for, the commonest first.
+    The reason, that is in what a trial differs from the stored one that is most like it
+    -> how many trials it holds for, the commonest first.
     """
     points: dict[tuple, list[dict]] = {}
     for trial in (row.trial for row in stored.all()):
@@ -134,7 +120,6 @@ def _values(trial: Trial) -> dict[str, Any]:
 
 
 def _differing(own: dict[str, Any], other: dict[str, Any]) -> list[str]:
-    """The settings in which two trials differ, with both values."""
     return [
         f"{name} {value} (there {other[name]})"
         for name, value in own.items()

@@ -78,12 +78,7 @@ def measure(
 ) -> None:
     """Time the methods on the smallest dataset of the baselines, and write NAME.
 
-    Args:
-        study: gives the methods' settings and the data.
-        results: the folder of the results.
-        methods: names of `methods.METHODS`.
-        rounds: how often each method is timed.
-        beside: what else the machine does at the same time, in words.
+    `beside` is what else the machine does at the same time, in words.
     """
     minutes = study.preset.baseline_minutes[:1]
     trials = {
@@ -102,7 +97,6 @@ def measure(
 
 
 def _stored(results: Path | str, preset: str) -> dict[str, Any]:
-    """The record of a preset's measurement; empty without one."""
     values = read_or_empty(Path(results) / NAME)
     return values if values.get("preset") == preset else {}
 
@@ -141,12 +135,7 @@ def page_table(paces: Mapping[str, Pace]) -> pd.DataFrame:
 def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:
     """Seconds for the samples of trials and their pretrainings at the median paces.
 
-    Args:
-        frame: stored results.
-        paces: made by `read`.
-
-    Returns:
-        One value per row; NaN where a method has no pace.
+    NaN where a method has no pace.
     """
     pace = {method: rounds.median / 1000 for method, rounds in paces.items()}
     training = frame.samples * frame.method.map(pace).astype(float)

@@ -28,7 +28,7 @@ from companion.trials import Trial
 from ownrobot.methods import boosting, least_squares
 from ownrobot.methods.boosting import Growth
 from ownrobot.methods.fine_tuning import pretraining_datasets
-from ownrobot.methods.forest import Forest
+from ownrobot.methods.trees import Forest
 from sidm.body import ROVER
 from sidm.learning.dataset import Datasets
 from sidm.learning.units import Standardisation
@@ -152,9 +152,8 @@ def _name(chosen: Draw) -> str:
 def read(results: Path | str) -> pd.DataFrame:
     """The stored draws, from the best of each method to the worst.
 
-    Returns:
-        `method`, `number`, `novice` and `expert` (each a Growth or None), and `score`,
-        the geometric mean over the splits of the loss by that of least squares.
+    They have `method`, `number`, `novice` and `expert` (each a Growth or None), and
+    `score`, the geometric mean over the splits of the loss by that of least squares.
     """
     stored = read_or_empty(Path(results) / NAME)
     rows = []

@@ -29,10 +29,9 @@ Changes = dict[str, Any]
 
 
 def rate_and_batch(batch: int, learning_rate: float) -> Changes:
-    """Settings for a batch size and a learning rate.
+    """Settings for a batch size, which Algorithm 2 shares, and a learning rate.
 
-    The phases of Algorithm 2 have the same batch size; the test loss is taken after as
-    many samples as in the preset.
+    The test loss is taken after as many samples as in the preset.
     """
     return dict(
         batch=batch,
@@ -198,9 +197,7 @@ def little_data_results(
 def best_novice_only(frame: pd.DataFrame, little: pd.DataFrame) -> pd.DataFrame:
     """Results of training without SIDM with the better of two settings at each size.
 
-    Args:
-        frame: results of Figure 3, which serve where `little` has none.
-        little: made by `little_data_results`.
+    Results of Figure 3, the `frame`, serve where `little_data_results` has none.
     """
     point = ["system", "novice_minutes"]
     tuned = little[little.method == "novice_only" + FOR_LITTLE]
@@ -210,12 +207,7 @@ def best_novice_only(frame: pd.DataFrame, little: pd.DataFrame) -> pd.DataFrame:
 
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
-    """The stored tries.
-
-    Returns:
-        One row per try, with its name as `try`, and as `used` whether the preset has
-        its settings.
-    """
+    """The stored tries, each with its name as `try`, and whether it is `used`."""
     base, parts = study.with_preset(study.preset.for_tuning()), []
     for system in systems:
         for name, trial in tries(study, system):
@@ -232,9 +224,6 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     The choice goes by `best_test_loss`, the smoothed test loss of the weights that were
     kept; `lowest` marks its first minimum for each system, size and method. `samples`
     are those of prediction and pretraining.
-
-    Args:
-        frame: made by `frame`.
     """
     groups = frame.groupby(["system", "novice_minutes", "method"]).best_test_loss
     rows = frame.assign(
@@ -260,12 +249,8 @@ def page_table(tries: pd.DataFrame) -> pd.DataFrame:
 def above_lowest(tries: pd.DataFrame) -> pd.DataFrame:
     """How far the test loss of the tries that are used is above the lowest.
 
-    Args:
-        tries: made by `table`.
-
-    Returns:
-        One row per system, size and method with both tries: `above`, as a share of the
-        lowest loss, and `same`, whether they are one.
+    One row per system, size and method with both tries: `above`, as a share of the
+    lowest loss, and `same`, whether they are one.
     """
     point = ["system", "novice_minutes", "method"]
     both = tries[tries.used].merge(
@@ -288,12 +273,10 @@ TUNED = (
 
 
 def settings(preset: Preset) -> pd.DataFrame:
-    """The settings that each method was tuned to.
+    """The settings that each method of TRIES was tuned to: one column per method.
 
-    Returns:
-        One row per setting, one column per method of TRIES. A pretraining's value
-        stands before the fine-tuning's where they differ; p_e has a value for each
-        system.
+    A pretraining's value stands before the fine-tuning's where they differ; p_e has a
+    value for each system.
     """
     columns = {
         method: [

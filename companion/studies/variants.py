@@ -48,10 +48,7 @@ def trials(study: Study, system: str) -> list[Trial]:
 
 
 def correction(study: Study, system: str) -> list[Trial]:
-    """The trials about least squares on the expert's model.
-
-    They are those of the method, its components, and its rivals.
-    """
+    """The trials about least squares on the expert's model, its parts and rivals."""
     parts = ("mirrored", "corrected", "corrected_mirrored", "corrected_averaged")
     methods = (*AGAINST, "least_squares", "least_squares_mirrored", *parts)
     return [trial for trial in trials(study, system) if trial.method in methods]
@@ -66,18 +63,10 @@ def table(
 ) -> pd.DataFrame:
     """Ratios of methods' losses to those of others that have more data.
 
-    Args:
-        frame: stored results, at most one per system, method, size and seed.
-        methods: the methods that have less data.
-        against: the others; each at the smallest of its sizes that is large enough,
-            which is in the column `with_minutes`.
-        times: how many times a method's data the others have, or more; EQUAL for the
-            same amount.
-        value: the column that is compared.
-
-    Returns:
-        A table of `pairs.paired_comparison`, one row per system, method, size and other
-        method (`against`), where at least FEWEST_SEEDS seeds were run.
+    Each other method is at the smallest of its sizes, `with_minutes`, that is `times`
+    the method's data or more; EQUAL for the same amount. The table is made by
+    `pairs.paired_comparison`, one row per system, method, size and other method
+    (`against`), where at least FEWEST_SEEDS seeds were run.
     """
     empty = paired_comparison(frame[:0], frame[:0])
     parts = [empty.assign(against="", with_minutes=0.0)]
@@ -101,9 +90,7 @@ def table(
 def parts(frame: pd.DataFrame) -> pd.DataFrame:
     """What each of PARTS does to the losses of one step and the errors of 25.
 
-    Returns:
-        A table for a page, one row per part, system and size: the ratios with their
-        intervals as text.
+    A table for a page: the ratios with their intervals by part, system and size.
     """
     frame = frame.assign(error=frame.position_error.str[-1].astype(float))
     values = {
@@ -127,14 +114,9 @@ def parts(frame: pd.DataFrame) -> pd.DataFrame:
 def by_method(table: pd.DataFrame, points: int) -> pd.DataFrame:
     """In how many comparisons each method is better, and whether it always is.
 
-    Args:
-        table: made by `table`, with all systems.
-        points: number of systems and sizes at which a method has to be compared with
-            each other method.
-
-    Returns:
-        One row per method: '8 of 8' for each of AGAINST, counted by the whole interval,
-        and under `half` 'yes', 'no', or 'not all run'.
+    `points` is the number of systems and sizes at which a method has to be compared
+    with each other method. One row per method: '8 of 8' for each of AGAINST, counted by
+    the whole interval, and under `half` 'yes', 'no', or 'not all run'.
     """
     counts = (
         table.assign(better=table.high < 1)

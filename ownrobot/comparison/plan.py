@@ -96,12 +96,7 @@ def plan_for(
     shares: Sequence[float] = SHARES,
     seed: int = 0,
 ) -> Plan:
-    """The plan of a comparison, checked.
-
-    Raises:
-        ConfigError: a method that cannot learn these robots, or a number that is no
-            number of folds, repeats or a share.
-    """
+    """The plan of a comparison, checked."""
     bodies = novice[0].body, None if expert is None else expert[0].body
     if methods:
         for method in methods:

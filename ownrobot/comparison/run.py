@@ -28,19 +28,20 @@ from ownrobot.comparison.plan import (
     plan_for,
 )
 from ownrobot.comparison.result import Comparison, FitResult
-from ownrobot.comparison.store import read_result, write_fault, write_result
-from ownrobot.fitting.arguments import drives_from, refuse_swapped
+from ownrobot.comparison.store import read_result, write_result
+from ownrobot.fitting.arguments import robots_from
 from ownrobot.fitting.settings import Settings, settings_with, without_effect
 from ownrobot.fitting.single import fit_drives, loss_scale, pretrained
-from ownrobot.fitting.windows import common_length
+from ownrobot.fitting.windows import common_length, ground_key
 from ownrobot.methods.registry import METHODS
 from sidm.config import ConfigError, Notice, first_line, replace, to_mapping
-from sidm.drives import Drive, Ground, SimulatedGround, minutes_of
+from sidm.drives import Drive, minutes_of
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import TrainingError
 from sidm.pool import as_completed, local_pool
 from sidm.progress import progress_bar
 from sidm.settings import Network, Training
+from sidm.storage import checksum, write_record
 from sidm.versions import library_versions, source_digest
 
 if TYPE_CHECKING:
@@ -92,27 +93,13 @@ def compare(
     sessions but those of a fold, and is evaluated on these; windows of one session are
     never on both sides. Of a single session, drives take the place of sessions.
 
-    Args:
-        novice: drives of the robot, as in `fit`.
-        expert: drives of another robot, as in `fit`.
-        methods: names of methods; by default those of `plan.DEFAULT_METHODS` that can
-            learn these robots.
-        body: what the novice's drives are made of, as in `fit`.
-        expert_body: what the expert's drives are made of, as in `fit`.
-        network: sizes of the networks, as in `fit`.
-        training: settings of the training, as in `fit`.
-        settings: single settings by name, as in `fit`.
-        folds: parts of the sessions, at most the number of sessions.
-        repeats: how often the sessions are divided anew, with another seed.
-        shares: shares of the sessions to learn from, for the learning curve; 1 is
-            always among them.
-        seed: seed of the first repeat.
-        folder: keeps the results of fits; the same call goes on where it was.
-        workers: processes that fit at the same time; with more than one, a script's
-            call must stand under `if __name__ == "__main__":`.
-        topics: topics of ROS bags, as in `fit`.
-        skip_bad: whether to leave out drives that have a fault, as in `fit`.
-        progress: whether to show a progress bar.
+    Arguments that `fit` has, too, mean the same here. By default the `methods` are
+    those of `plan.DEFAULT_METHODS` that can learn these robots, and there are as many
+    `folds` as sessions at most. Other `repeats` have other seeds, from `seed` on. A
+    learning curve has `shares` of the sessions to learn from, and all of them. A
+    `folder` keeps the results of fits, so that the same call goes on where it was. With
+    more than one of the `workers`, processes that fit at the same time, a script's call
+    must stand under `if __name__ == "__main__":`.
 
     Returns:
         The comparison: its `table`, its learning `curve`, its `verdict`.
@@ -133,17 +120,10 @@ def compare(
         >>> bool(comparison.ratio("least_squares", "mean").high < 1)
         True
     """
-    reading: dict[str, Any] = {"topics": topics, "skip_bad": skip_bad}
-    if expert is None and expert_body is not None:
-        raise ConfigError("expert_body is given, but there is no expert")
     with _noted() as notices:
-        novice_drives = drives_from(novice, body, "novice", **reading)
-        expert_drives = None
-        if expert is not None:
-            expert_drives = drives_from(
-                expert, expert_body, "expert", default_body=body, **reading
-            )
-    refuse_swapped(novice_drives, expert_drives)
+        novice_drives, expert_drives = robots_from(
+            novice, expert, body, expert_body, topics=topics, skip_bad=skip_bad
+        )
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
     methods = [methods] if isinstance(methods, str) else methods
@@ -235,7 +215,7 @@ def outcome_of(task: Task, fit: Fit) -> FitResult | str:
     except (ConfigError, TrainingError) as error:
         fault = f"{fit.method} with {fit.share:.0%} of the data: {first_line(error)}"
         if path:
-            write_fault(path, fault)
+            write_record(path, {"fault": fault})
         return fault
     if path:
         write_result(path, result)
@@ -324,26 +304,14 @@ def _digest(task: Task) -> str:
 
 
 @functools.lru_cache(maxsize=4)
-def _digest_of(novice: tuple[Drive, ...], expert: tuple[Drive, ...]) -> str:
+def _digest_of(*robots: tuple[Drive, ...]) -> str:
     """Digest of all numbers of the drives, their ground, sessions and bodies."""
-    digest = hashlib.sha256()
-    grounds: dict[int, bytes] = {}  # drives share it
-    for drives in (novice, expert):
-        for drive in drives:
-            digest.update(f"{drive.session} {drive.body}".encode())
-            for values in (drive.states, drive.actions):
-                digest.update(np.ascontiguousarray(values).tobytes())
-            if id(drive.ground) not in grounds:
-                grounds[id(drive.ground)] = _ground_digest(drive.ground)
-            digest.update(grounds[id(drive.ground)])
-    return digest.hexdigest()
+    grounds = {id(d.ground): d.ground for drives in robots for d in drives}
+    keys = {number: ground_key(ground) for number, ground in grounds.items()}
 
+    def content(drive: Drive) -> tuple:
+        numbers = checksum(drive.states), checksum(drive.actions)
+        return drive.session, drive.body, keys[id(drive.ground)], *numbers
 
-def _ground_digest(ground: Ground | SimulatedGround | None) -> bytes:
-    if ground is None:
-        return b""
-    if isinstance(ground, SimulatedGround):
-        return ground.checksum.encode()
-    digest = hashlib.sha256(f"{ground.spacing} {ground.centre}".encode())
-    digest.update(np.ascontiguousarray(ground.heights).tobytes())
-    return digest.digest()
+    text = repr([[content(drive) for drive in drives] for drives in robots])
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -30,8 +30,7 @@ class Interval(NamedTuple):
     def text(self, digits: int) -> str:
         """The value, and the ends of the interval in brackets where they are known.
 
-        Args:
-            digits: number of significant digits; there are no powers of ten.
+        They have so many significant digits; there are no powers of ten.
         """
         value, low, high = (significant(number, digits) for number in self)
         known = np.isfinite([self.low, self.high]).all()
@@ -76,9 +75,7 @@ def mean_interval(values: np.ndarray, shared: float = 0.0) -> Interval:
 def resampled_mean(values: np.ndarray, folds: int) -> Interval:
     """The mean of values (n,) from n fits, of which each holds out one of `folds`.
 
-    Args:
-        values: (n,), one for each fit; with fewer than FEWEST the bounds are NaN.
-        folds: parts of the sessions; a fit learns from all others.
+    With fewer than FEWEST values the bounds are NaN.
     """
     mean = mean_interval(values, 1 / (folds - 1))
     return mean if len(values) >= FEWEST else Interval(mean.value, np.nan, np.nan)

@@ -32,29 +32,11 @@ def drives_from(
     default_body: BodyLike | None = None,
     skip_bad: bool = False,
 ) -> list[Drive]:
-    """List of drives from any form in which a user can pass them.
+    """The drives of one body from any form in which a user can pass them.
 
-    Args:
-        source: drives; or a file, a ROS bag or a folder, or several of them; or a
-            pandas table.
-        body: body of the drives. Drives that have been read already need none; if one
-            is given, they must have the same pose, state, actions and rate.
-        argument: the name of the argument, for error messages.
-        topics: topics of ROS bags, needed if a bag has several matching topics.
-        allow_constant: whether a column may never change, as in
-            `recordings.read_drives`.
-        default_body: body of drives in files where `body` is None.
-        skip_bad: whether to leave out faulty drives of files, as in
-            `recordings.read_drives`.
-
-    Returns:
-        The drives, all of one body.
-
-    Raises:
-        ConfigError: there are no drives, no body is given, or the drives have another
-            body.
-        RecordingError: the first fault of a file or a table.
-        TypeError: `source` has a type that cannot hold drives.
+    `argument` is its name in messages. Drives that have been read already need no body;
+    one that is given must have the same pose, state, actions and rate. Those of files
+    have `default_body` where `body` is None.
     """
     file_body = body or default_body
     reading: dict[str, Any] = {"held": allow_constant, "skip_bad": skip_bad}
@@ -98,6 +80,32 @@ def drives_from(
     return _each_once(drives, argument)
 
 
+def robots_from(
+    novice: Drives,
+    expert: Drives | None,
+    body: BodyLike | None,
+    expert_body: BodyLike | None,
+    **reading: Any,
+) -> tuple[list[Drive], list[Drive] | None]:
+    """Drives of a robot, and of an expert if there is one, as users pass them."""
+    if expert is None and expert_body is not None:
+        raise ConfigError("expert_body is given, but there is no expert")
+    drives = drives_from(novice, body, "novice", **reading)
+    if expert is None:  # any robot can be learnt alone, an expert's too
+        return drives, None
+    others = drives_from(expert, expert_body, "expert", default_body=body, **reading)
+    for argument, other_role, first in (
+        ("novice", "expert", drives[0]),
+        ("expert", "novice", others[0]),
+    ):
+        if first.robot.endswith(f" {other_role}"):
+            raise ConfigError(
+                f"{argument} has the drives of '{first.robot}': "
+                "are novice and expert swapped?"
+            )
+    return drives, others
+
+
 def _refuse_not_finite(drive: Drive, argument: str) -> None:
     """Raise ConfigError for a drive in memory with a number that is not finite."""
     body = drive.body
@@ -131,7 +139,7 @@ def _each_once(drives: list[Drive], argument: str) -> list[Drive]:
     if len(different) < len(drives):
         twice = len(drives) - len(different)
         text = f"{argument} has {counted(twice, 'drive')} given twice; each counts once"
-        warnings.warn(Notice(text), stacklevel=4)
+        warnings.warn(Notice(text), stacklevel=5)
     return list(different.values())
 
 
@@ -157,9 +165,6 @@ def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
     """The drive with `body`, which must describe the same numbers.
 
     The two bodies may differ in other things, such as the weights of the loss.
-
-    Raises:
-        ConfigError: pose, state, actions or rate of the two bodies differ.
     """
     expected = _layout(body)
     for name, value in _layout(drive.body).items():
@@ -183,22 +188,3 @@ def _layout(body: Body) -> dict[str, Any]:
         "state": [column for column, _ in body.state],
         "actions": [column for column, _ in body.actions],
     }
-
-
-def refuse_swapped(novice: Sequence[Drive], expert: Sequence[Drive] | None) -> None:
-    """Raise ConfigError when simulated drives of novice and expert are swapped.
-
-    Without an expert, a novice may have an expert's drives: any robot can be learnt
-    alone.
-    """
-    if expert is None:
-        return
-    for argument, other_role, drives in (
-        ("novice", "expert", novice),
-        ("expert", "novice", expert),
-    ):
-        if drives and drives[0].robot.endswith(f" {other_role}"):
-            raise ConfigError(
-                f"{argument} has the drives of '{drives[0].robot}': "
-                "are novice and expert swapped?"
-            )

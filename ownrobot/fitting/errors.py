@@ -15,7 +15,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from ownrobot.fitting.prediction import Steps
+from ownrobot.fitting.windows import Steps
 from sidm import rotations
 from sidm.body import SI, Body
 from sidm.learning.observation import heading_of, transition
@@ -60,10 +60,8 @@ def one_step_rows(
 ) -> list[tuple[str | float, ...]]:
     """Rows of the errors of each component of y, one step ahead.
 
-    Args:
-        steps: predicted and actual transitions (K, Y) of each drive.
-        states: (n, S), the recorded states before all n steps.
-        body: what states are made of.
+    The steps are predicted and actual transitions (K, Y) of each drive, the states
+    (n, S) those before all n steps.
     """
     predicted, actual = (torch.cat(parts) for parts in zip(*steps, strict=True))
     still = transition(states, states, body)
@@ -86,12 +84,9 @@ def one_step_rows(
 def open_loop_rows(
     path: Tensor, actual: Tensor, body: Body
 ) -> list[tuple[str | float, ...]]:
-    """Rows of the errors of predicted paths, for each step ahead.
+    """Rows of the errors of predicted paths (N, K + 1, S), for each step ahead.
 
-    Args:
-        path: predicted states (N, K + 1, S), with the common start first.
-        actual: recorded states (N, K + 1, S).
-        body: what states are made of.
+    The paths begin with the start of the recorded ones.
     """
     rows = []
     for name, unit, errors in _open_loop_errors(path, actual, body):

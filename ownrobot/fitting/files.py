@@ -16,13 +16,12 @@ from torch import Tensor
 
 from ownrobot.body_file import body_from_mapping, body_to_mapping
 from ownrobot.fitting.score import Score
-from ownrobot.methods.forest import Forest
 from ownrobot.methods.gaussian_process import GaussianProcess, Posterior
 from ownrobot.methods.kinematics import Kinematics
 from ownrobot.methods.least_squares import LeastSquares
 from ownrobot.methods.pooled import Pooled
 from ownrobot.methods.registry import METHODS
-from ownrobot.methods.trees import Trees
+from ownrobot.methods.trees import Forest, Trees
 from ownrobot.methods.trivial import Trivial
 from sidm import __version__
 from sidm.body import Body
@@ -44,10 +43,7 @@ INNER = "inner."  # begins the names of the tensors of a model that sees the fla
 def refuse_folder(folder: str | Path, body: Body, force: bool = False) -> None:
     """Raise ConfigError, one line, where a model of `body` must not be written.
 
-    Args:
-        folder: where the model is to be written.
-        body: the model's body.
-        force: whether the model may replace that of another body.
+    `force` says whether it may replace that of another body.
     """
     if not str(folder).strip():
         raise ConfigError("the model's folder has no name; pass a path, as 'model'")
@@ -84,17 +80,7 @@ def _without_weights(body: Body) -> dict[str, Any]:
 
 
 def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
-    """Write a model into a folder, as `Model.save` does.
-
-    Args:
-        model: the model.
-        folder: is created where it is missing.
-        force: whether the model may replace that of another body.
-
-    Raises:
-        ConfigError: the folder is a file, or has a model of another body.
-        OSError: a file cannot be written; the message is one line.
-    """
+    """Write a model into a folder, as `Model.save` does."""
     from safetensors.torch import save as to_bytes
 
     refuse_folder(folder, model.body, force)

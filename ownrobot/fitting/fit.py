@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from ownrobot.fitting.arguments import drives_from, refuse_swapped
+from ownrobot.fitting.arguments import drives_from, robots_from
 from ownrobot.fitting.files import ABOUT, refuse_folder
 from ownrobot.fitting.learning import refuse_method
 from ownrobot.fitting.model import Model
@@ -104,21 +104,16 @@ def fit(
     _refuse_device(device)
     if seed < 0:
         raise ConfigError(f"seed must be 0 or more, not {seed}")
-    if expert is None and expert_body is not None:
-        raise ConfigError("expert_body is given, but there is no expert")
     reading: dict[str, Any] = {"topics": topics, "skip_bad": skip_bad}
-    novice_drives = drives_from(novice, body, "novice", **reading)
-    expert_drives = None
-    if expert is not None:
-        expert_drives = drives_from(
-            expert, expert_body, "expert", default_body=body, **reading
-        )
-    _refuse(method, novice_drives, expert_drives)
-    refuse_swapped(novice_drives, expert_drives)
-    if text := without_effect([method], settings, novice_drives[0].body, device):
+    novice_drives, expert_drives = robots_from(
+        novice, expert, body, expert_body, **reading
+    )
+    novice_body = novice_drives[0].body
+    refuse_method(method, novice_body, expert_drives[0].body if expert_drives else None)
+    if text := without_effect([method], settings, novice_body, device):
         warnings.warn(Notice(text), stacklevel=2)
     if out is not None:
-        refuse_folder(out, novice_drives[0].body, force)
+        refuse_folder(out, novice_body, force)
     learnt, held_out, folds = _split(novice_drives, test, seed, reading)
     judging = [*held_out, *(drive for part in folds for drive in part.held_out)]
     _note_seen(judging, expert_drives)
@@ -188,13 +183,6 @@ def _split(
     if len(splits) == 1:
         return *splits[0], []
     return novice, [], splits
-
-
-def _refuse(
-    method: str, novice: Sequence[Drive], expert: Sequence[Drive] | None
-) -> None:
-    """Raise ConfigError for a method that cannot learn the robots of these drives."""
-    refuse_method(method, novice[0].body, None if expert is None else expert[0].body)
 
 
 def _refuse_device(device: str) -> None:

@@ -89,15 +89,7 @@ def datasets(
     expert: Sequence[Drive] | None,
     pixels: int = 0,
 ) -> Datasets:
-    """Drives of equal length as tensors.
-
-    Args:
-        train_part: the novice's drives to learn from.
-        test_part: the novice's drives for the test that stops the training.
-        validation: the novice's drives to evaluate on.
-        expert: the expert's drives, if there is an expert.
-        pixels: side of the height maps where the body does not set it.
-    """
+    """Drives of equal length as tensors."""
     train_windows, test_windows, validation_windows = (
         windows_of(drives, pixels) for drives in (train_part, test_part, validation)
     )
@@ -127,12 +119,9 @@ def pretrain(
     progress: Progress | None = None,
     device: str = "cpu",
 ) -> Pretrained | None:
-    """Weights learnt from the expert alone, which a method starts from.
+    """Weights learnt from the expert alone, or None for a method that has none.
 
     The arguments are those of `learn`.
-
-    Returns:
-        The weights, or None for a method that starts from random weights.
     """
     _refuse_method_of(method, sets, network)
     training = METHODS[method].pretraining(settings.training)
@@ -157,24 +146,10 @@ def learn(
     progress: Progress | None = None,
     device: str = "cpu",
 ) -> Trained:
-    """Train a method on recorded robots.
+    """Train a method of METHODS on recorded robots.
 
-    Args:
-        method: a name in METHODS.
-        sets: the novice's drives, and the expert's where the method learns from them.
-        network: networks with the robots' bodies.
-        seed: seed of initial weights and batches.
-        settings: networks and training.
-        start: the weights that `pretrain` returned.
-        folder: folder for the state of an unfinished training, which is resumed.
-        progress: called after each test.
-        device: where networks are trained.
-
-    Returns:
-        The trained model with its losses.
-
-    Raises:
-        ConfigError: the method cannot learn these robots.
+    `start` has the weights that `pretrain` returned; an unfinished training in `folder`
+    is resumed.
     """
     _refuse_method_of(method, sets, network)
     config, units = METHODS[method], units_in(sets, network)

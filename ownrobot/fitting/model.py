@@ -14,9 +14,8 @@ from torch import Tensor
 
 from ownrobot.fitting.arguments import drives_from
 from ownrobot.fitting.files import read_model, write_model
-from ownrobot.fitting.prediction import Steps, predict_steps
 from ownrobot.fitting.score import DriveLosses, Score
-from ownrobot.fitting.windows import common_length, cut, rollouts
+from ownrobot.fitting.windows import Steps, common_length, cut, predict_steps, rollouts
 from sidm.body import Body
 from sidm.config import ConfigError
 from sidm.drives import AnyGround, Drive, Ground
@@ -62,23 +61,14 @@ class Model:
         return f"Model({self.method!r} of {data})"
 
     def loss(self, drives: Drives, topics: Sequence[str] = ()) -> float:
-        """Mean loss of a step, equation (1), on drives that the model has not seen.
+        """Mean loss of a step, equation (1), on drives as those of `evaluate`.
 
-        Args:
-            drives: as in `evaluate`.
-            topics: as in `evaluate`.
-
-        Returns:
-            The loss, with the weights of the components as in the training.
+        The weights of the components are those of the training.
         """
         return self.score(drives, topics).loss
 
     def score(self, drives: Drives, topics: Sequence[str] = ()) -> Score:
-        """The loss on drives that the model has not seen, with its standard error.
-
-        Args:
-            drives: as in `evaluate`.
-            topics: as in `evaluate`.
+        """The loss on drives as those of `evaluate`, with its standard error.
 
         Examples:
             >>> model = ownrobot.load("recordings/models/warthog")
@@ -154,11 +144,7 @@ class Model:
     def evaluate_drives(
         self, drives: Drives, topics: Sequence[str] = ()
     ) -> pd.DataFrame:
-        """The loss of each drive, the worst first.
-
-        Args:
-            drives: as in `evaluate`.
-            topics: as in `evaluate`.
+        """The loss of each of the drives, given as to `evaluate`, the worst first.
 
         Returns:
             A row for each drive: `drive` and `session`, names; `seconds`; `loss`, mean

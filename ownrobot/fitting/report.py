@@ -17,15 +17,12 @@ MUTED, NOTHING, MEAN = "0.45", "nothing changes", "the mean"
 
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """Figure of a model's errors, one step ahead and open loop.
+    """Figure of a table of errors from `Model.evaluate`, one step ahead and open loop.
 
     The first panel has a bar for each component of y: the error one step ahead, divided
     by the error of predicting the mean, beside the error of predicting no change. For a
     body with a pose, two more panels have the errors of position (m) and heading (rad)
     against the time ahead.
-
-    Args:
-        table: as `Model.evaluate` returns.
     """
     components = table[table.prediction == ONE_STEP]
     ahead = table[table.prediction == OPEN_LOOP]

@@ -98,15 +98,10 @@ class DriveLosses(NamedTuple):
 def standard_error(
     values: np.ndarray, groups: np.ndarray, weights: np.ndarray | None = None
 ) -> float | None:
-    """Standard error of the mean of values (N,) that are alike within a group.
+    """Standard error of the weighted mean of values (N,) that are alike within a group.
 
     It comes from the groups' sums of deviations from the mean, so that groups may have
     different sizes; None for a single group.
-
-    Args:
-        values: (N,).
-        groups: (N,), names of the groups.
-        weights: (N,), weights of the values in the mean; equal by default.
     """
     names, number = np.unique(groups, return_inverse=True)
     count = len(names)

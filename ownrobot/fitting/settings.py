@@ -31,18 +31,11 @@ class Settings:
         return method.training(self.training, self.tuned_values(method.tuned_as))
 
     def with_values(self, values: Mapping[str, Any]) -> Settings:
-        """The settings with new values of some fields of network or training.
+        """The settings with new values of some fields of network or training, by name.
 
-        The values hold for every method: they replace tuned values, too.
-
-        Args:
-            values: name of a field of `Network` or `Training` -> value. The method sets
-                `regularise` and the robots' drives set the bodies, so neither can be
-                given.
-
-        Raises:
-            ConfigError: a value of the wrong type, or an unknown name; the message has
-                the nearest right name.
+        The values hold for every method: they replace tuned values, too. The method
+        sets `regularise` and the robots' drives set the bodies, so neither can be
+        given.
         """
         network = {name for name in _names(Network) if not name.endswith("_body")}
         training = _names(Training) - {"regularise"}
@@ -94,18 +87,10 @@ def settings_with(
     training: Training | None = None,
     values: Mapping[str, Any] = MappingProxyType({}),
 ) -> Settings:
-    """SETTINGS with other networks, another training or single other values.
+    """SETTINGS with other networks, another training or single other values by name.
 
-    Args:
-        network: the sizes; its bodies are replaced by the robots' bodies later.
-        training: training of every method; it replaces tuned values, too. The method
-            sets `regularise`; `p_expert` holds for methods that learn from the expert's
-            drives.
-        values: single settings of both by name, as `{"hidden": 64, "p_expert": 0.5}`;
-            the others stay as they are.
-
-    Raises:
-        ConfigError: an unknown name or a value of the wrong type.
+    A training replaces tuned values, too; its `p_expert` holds for methods that learn
+    from the expert's drives.
     """
     settings: Settings = SETTINGS
     if network is not None:
@@ -118,17 +103,7 @@ def settings_with(
 def without_effect(
     methods: Sequence[str], values: Iterable[str], body: Body, device: str = "cpu"
 ) -> str:
-    """A line that names settings which change nothing in any of some methods.
-
-    Args:
-        methods: names in `METHODS`.
-        values: names of settings.
-        body: of the robot that learns.
-        device: where networks are trained; cpu counts as no setting.
-
-    Returns:
-        The line; an empty text where each setting has an effect.
-    """
+    """A line that names settings which change nothing in any of some methods, or ''."""
     configs = [METHODS[name] for name in methods]
     unused = [
         name

@@ -46,23 +46,11 @@ def fit_drives(
     start: Pretrained | None = None,
     notify: bool = True,
 ) -> Model:
-    """Fit drives whose body is known, with checked settings.
+    """Fit drives whose body is known, with checked settings; arguments as of `fit`.
 
-    Args:
-        novice: drives of the robot.
-        expert: drives of the expert, if there are any.
-        method: a name in METHODS that can learn these robots.
-        settings: networks and training.
-        seed: as in `fit`.
-        state: folder of unfinished trainings.
-        progress: as in `fit`.
-        device: as in `fit`.
-        start: pretrained weights; by default they are trained where the method needs
-            them.
-        notify: whether to warn of drives that are not learnt from.
-
-    Raises:
-        ConfigError: too few drives, or numbers that no model can be fitted to.
+    `state` is the folder of unfinished trainings; `start` has pretrained weights, which
+    are otherwise trained where the method needs them; `notify` says whether to warn of
+    drives that are not learnt from.
     """
     sets, network, steps = _datasets(novice, expert, settings, seed)
     if start is None:
@@ -205,13 +193,7 @@ def _learnt_and_test(
 def _progress(
     title: str, samples: int, shown: bool
 ) -> Iterator[Callable[[CurvePoint], None]]:
-    """A function to call after each test of a training, which moves a progress bar.
-
-    Args:
-        title: text beside the bar.
-        samples: the most that the training takes, the bar's end.
-        shown: whether there is a bar.
-    """
+    """A function to call after each test of a training, which moves a progress bar."""
     with progress_bar(samples, title, "sample", shown, scaled=True) as bar:
         yield lambda tested: bar.update(max(0, tested.samples - bar.n))
 

@@ -60,14 +60,8 @@ def train_test_split(
 ) -> tuple[list[Drive], list[Drive]]:
     """Drives of the sessions for training, and drives for the test that stops it.
 
-    Every fourth session is for the test; of a single session, every fourth drive.
-
-    Args:
-        drives: of one robot.
-        sessions: names of the sessions that are used, in the order that decides.
-
-    Raises:
-        ConfigError: too few drives for both.
+    Every fourth of the sessions, in their order, is for the test; of a single session,
+    every fourth drive.
     """
     drives = drives_of_sessions(drives, sessions)
     order = {name: number for number, name in enumerate(sessions)}
@@ -103,11 +97,7 @@ def divided(drives: Sequence[Drive], steps: int) -> list[Drive]:
 
 
 def split(drives: Sequence[Drive], share: float, seed: int) -> Split:
-    """A share of the sessions held out, drawn at random; of a single session, drives.
-
-    Raises:
-        ConfigError: there is only one drive.
-    """
+    """A share of the sessions held out at random; of a single session, drives."""
     groups = groups_of(drives)
     order = _shuffled(groups, seed)
     if len(order) < 2:
@@ -119,13 +109,7 @@ def split(drives: Sequence[Drive], share: float, seed: int) -> Split:
 
 
 def folds(drives: Sequence[Drive], count: int, seed: int) -> list[Split]:
-    """Splits in which each session is held out once; of a single session, each drive.
-
-    Args:
-        drives: of one robot.
-        count: number of splits, at most the number of sessions.
-        seed: seed of the draw.
-    """
+    """Splits in which each session, or drive of one session, is held out once."""
     groups = groups_of(drives)
     order = _shuffled(groups, seed)
     count = min(count, len(order))
@@ -138,10 +122,8 @@ def evaluation_splits(drives: Sequence[Drive], share: float, seed: int) -> list[
     """Splits of the drives into those to learn from and those to evaluate on.
 
     A share of the sessions is held out if there are at least MIN_GROUPS. Otherwise each
-    is held out once, in up to FOLDS folds.
-
-    Returns:
-        One split, or one for each fold; none if there is too little to learn from.
+    is held out once, in up to FOLDS folds; there is no split if there is too little to
+    learn from.
     """
     groups = len(np.unique(groups_of(drives)))
     if groups < 2:

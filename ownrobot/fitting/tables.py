@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ownrobot.fitting.prediction import Steps
-from ownrobot.fitting.windows import part_of, rollouts
+from ownrobot.fitting.windows import Steps, part_of, rollouts
 from sidm.body import SI, Body, Columns
 from sidm.drives import Drive
 from sidm.learning.model import Predictor
@@ -17,12 +16,7 @@ from sidm.learning.observation import QUATERNION
 
 
 def one_step_table(drives: Sequence[Drive], steps: Sequence[Steps]) -> pd.DataFrame:
-    """A row for each step of the drives.
-
-    Args:
-        drives: of one robot.
-        steps: predicted and actual transitions (K, Y) of each drive.
-    """
+    """A row for each step of the drives, of transitions (K, Y) of each drive."""
     body = drives[0].body
     # A pose has the same units as its change, which is what the model predicts.
     units = [unit for _, unit in body.state]
@@ -44,15 +38,10 @@ def open_loop_table(
     seen: int,
     pixels: int,
 ) -> pd.DataFrame:
-    """A row for each predicted step of each start.
+    """A row for each of `steps` predicted steps of each start.
 
-    Args:
-        predictor: a model of the drives' robot.
-        drives: of one robot.
-        steps: K, steps that are predicted from a start, or up to the drive's end.
-        every: steps from one start to the next; None: the drive's start alone.
-        seen: steps before a start that the model sees first, at most.
-        pixels: side of the height maps where the body does not set it.
+    Starts are `every` so many steps, or the drives' starts alone; a model first sees at
+    most `seen` steps before a start.
     """
     starts = [
         (number, start)

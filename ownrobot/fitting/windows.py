@@ -1,7 +1,8 @@
-"""Windows of equal length from drives, and rollouts from them."""
+"""Windows of equal length from drives, and predictions from them."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,10 +12,14 @@ from torch import Tensor
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, AnyGround, Drive, SimulatedGround
 from sidm.learning.dataset import states_and_actions, windows_of
-from sidm.learning.evaluation import rollout
+from sidm.learning.evaluation import EVALUATION_BATCH, rollout
 from sidm.learning.model import Predictor
 from sidm.storage import checksum
 
+Steps = tuple[Tensor, Tensor]  # (K, Y), predicted and actual transitions of a drive
+
+#: Steps of a drive that are encoded at once, which limits the memory for height maps.
+CHUNK = 256
 #: Largest share of a robot's steps in drives that are shorter than a window.
 SHORT_SHARE = 0.05
 
@@ -39,14 +44,8 @@ def cut(
 ) -> list[Drive]:
     """Consecutive windows of `steps` steps, cut from the start of each drive.
 
-    Args:
-        drives: of any length; drives shorter than a window are left out.
-        steps: T, length of a window.
-        overlap: whether a drive's last window ends where the drive ends and so overlaps
-            the window before; otherwise the rest of a drive is left out.
-
-    Raises:
-        ConfigError: no drive has `steps` steps.
+    Shorter drives are left out. With `overlap` a drive's last window ends where the
+    drive ends; otherwise the rest of a drive is left out.
     """
     windows = []
     for drive in drives:
@@ -88,27 +87,24 @@ def grounds_of(drives: Sequence[Drive]) -> np.ndarray:
     for drive in drives:
         ground = drive.ground
         if id(ground) not in keys:
-            keys[id(ground)] = _key(ground)
+            keys[id(ground)] = ground_key(ground)
         found.append(numbers.setdefault(keys[id(ground)], len(numbers)))
     return np.array(found)
 
 
-def _key(ground: AnyGround | None) -> str:
+def ground_key(ground: AnyGround | None) -> str:
     """Text that is the same for equal grounds only."""
     if ground is None:
         return ""
     if isinstance(ground, SimulatedGround):
         return f"{ground.terrain} {ground.seed}"
-    return f"{checksum(ground.heights)} {ground.spacing}"
+    return f"{checksum(ground.heights)} {ground.spacing} {ground.centre}"
 
 
 def split_by_ground(drives: Sequence[Drive], held_out: int) -> tuple[Tensor, Tensor]:
     """Numbers of the windows to learn from, (n,), and to evaluate on, (m,).
 
     The windows on the last `held_out` grounds are for evaluation.
-
-    Raises:
-        ValueError: `held_out` is not between 1 and the number of grounds less 1.
     """
     grounds = torch.from_numpy(grounds_of(drives))
     count = int(grounds.max()) + 1
@@ -126,19 +122,10 @@ def rollouts(
     pixels: int = 0,
     seen: bool = True,
 ) -> Tensor:
-    """Open-loop predictions of K steps, from step `start` of each window.
+    """Open-loop predictions (N, K + 1, S) from step `start` of each of N windows.
 
-    Args:
-        model: a model of the drives' robot.
-        drives: N windows of equal length.
-        start: number of the step from which the model sees its own predictions.
-        steps: K, the number of predicted steps.
-        pixels: side of the height maps where the body does not set it.
-        seen: whether the model first sees the recorded steps before `start`; otherwise
-            its memory is empty at `start`.
-
-    Returns:
-        States (N, K + 1, S); the first state is the recorded one at `start`.
+    The first state is the recorded one at `start`. If `seen`, the model first sees the
+    recorded steps before; otherwise its memory is empty at `start`.
     """
     states, actions = states_and_actions(drives)
     path = states[:, start : start + steps + 1].clone()
@@ -168,3 +155,38 @@ def rollouts(
             memory=memory,
         )
     return path
+
+
+def predict_steps(
+    predictor: Predictor, drives: Sequence[Drive], pixels: int
+) -> list[Steps]:
+    """Predicted and actual transitions (K, Y) of each drive, one step ahead, raw units.
+
+    Each prediction is from the recorded state before it. A recurrent network keeps its
+    memory from a drive's start to its end.
+    """
+    by_length = defaultdict(list)  # drives of one length make batches
+    for number, drive in enumerate(drives):
+        by_length[len(drive)].append(number)
+    results: dict[int, Steps] = {}
+    for numbers in by_length.values():
+        for first in range(0, len(numbers), EVALUATION_BATCH):
+            batch = numbers[first : first + EVALUATION_BATCH]
+            steps = _predict_batch(predictor, [drives[n] for n in batch], pixels)
+            results |= zip(batch, zip(*steps, strict=True), strict=True)
+    return [results[number] for number in range(len(drives))]
+
+
+def _predict_batch(predictor: Predictor, drives: Sequence[Drive], pixels: int) -> Steps:
+    """Predicted and actual transitions (B, K, Y) of B drives of equal length."""
+    memory, parts = None, []
+    for first in range(0, len(drives[0]), CHUNK):
+        last = min(first + CHUNK, len(drives[0]))
+        windows = windows_of([part_of(d, first, last) for d in drives], pixels)
+        with torch.inference_mode():
+            predicted, memory = predictor(
+                "novice", windows.inputs, windows.maps, memory
+            )
+        parts.append((predicted, windows.targets))
+    predicted, actual = (torch.cat(pair, dim=1) for pair in zip(*parts, strict=True))
+    return predicted, actual

@@ -11,14 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ownrobot.methods.closed_form import fitted, weights_of
 from ownrobot.methods.fine_tuning import pretraining_datasets
-from ownrobot.methods.forest import Forest
 from ownrobot.methods.pooled import expert_windows, joined
-from ownrobot.methods.trees import Trees, features, kept_columns
+from ownrobot.methods.trees import Forest, Trees, features, kept_columns
 from sidm.body import Body
 from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 
 #: Standard deviation below which a component counts as constant.
@@ -64,25 +63,9 @@ def learn(
 ) -> Trained:
     """Grow the trees of a novice.
 
-    The number of trees of each component has the lowest loss on the test split; then
-    that many are grown from train and test split together.
-
-    Args:
-        datasets: the novice's train and test split, and the expert's data for a
-            correction or further samples; the validation set is not used.
-        body: the robot's body.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-        corrects_expert: whether the trees correct the trees of the expert's motion.
-        pooled: whether the expert's samples are learnt from beside the train split.
-        seed: of scikit-learn's draws and the split of the expert's data.
-
-    Returns:
-        The model and its training; the test loss is that of the trees of the train
-        split.
-
-    Raises:
-        ConfigError: scikit-learn is not installed, or there are no data of the expert
-            where the trees correct its trees; one line.
+    The number of trees of each component has the lowest loss on the test split, which
+    is the test loss; then that many are grown from train and test split together. They
+    correct the trees of the expert's motion, or learn from its samples too (`pooled`).
     """
     require_scikit_learn("trees")
     base = Forest.constant(torch.zeros(len(body.targets)))
@@ -94,7 +77,7 @@ def learn(
         datasets = datasets._replace(train=train)
     growth = CORRECTION if corrects_expert else NOVICE
     grown = grow(datasets, body, base, growth, seed)
-    weights = torch.ones(len(body.targets)) if scale is None else scale
+    weights = weights_of(body, scale)
     train_loss, test_loss = (
         float((weights * errors).sum())
         for errors in (grown.train_errors, grown.test_errors)
@@ -102,9 +85,7 @@ def learn(
     steps = sum(
         part.targets[..., 0].numel() for part in (datasets.train, datasets.test)
     )
-    curve = [CurvePoint(steps, train_loss, test_loss, None)]
-    model = Trees(body, grown.forest, scale).eval()
-    return Trained(model, curve, steps, 0, test_loss, steps, True)
+    return fitted(Trees(body, grown.forest, scale), steps, train_loss, test_loss)
 
 
 class Grown(NamedTuple):
@@ -125,15 +106,7 @@ class Grown(NamedTuple):
 def grow(
     datasets: Datasets, body: Body, base: Forest, growth: Growth, seed: int
 ) -> Grown:
-    """Trees of what a forest leaves of the transitions, added to the forest.
-
-    Args:
-        datasets: the train and test split are used.
-        body: the robot's body.
-        base: the forest that is corrected.
-        growth: how the trees are grown.
-        seed: of scikit-learn's draws.
-    """
+    """Trees of what a forest leaves of the transitions, added to the forest."""
     train, test = (
         _features_and_residuals(part, body, base)
         for part in (datasets.train, datasets.test)
@@ -157,16 +130,9 @@ Data = tuple[np.ndarray, np.ndarray]
 def _grow_component(
     data: Sequence[Data], growth: Growth, seed: int
 ) -> tuple[list[Any], float, tuple[float, float]]:
-    """Trees of one component.
+    """Nodes of trees, baseline and errors, as in `Grown`, of one component.
 
-    Args:
-        data: of the train split, the test split and both.
-        growth: how the trees are grown.
-        seed: of scikit-learn's draws.
-
-    Returns:
-        Nodes of the trees, the baseline, and the errors on both splits and on the test
-        split, as in `Grown`.
+    The data are those of the train split, the test split and both.
     """
     train, (x_test, y_test), (x, y) = data
     if y.std() < SMALLEST_STD:

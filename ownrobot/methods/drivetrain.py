@@ -88,12 +88,7 @@ class Drivetrain(NamedTuple):
 
 
 def drivetrain_of(body: Body, model: Model) -> Drivetrain:
-    """The drivetrain of a body, as a kinematic model needs it.
-
-    Raises:
-        ConfigError: no columns or actions of the body have the names that the model
-            looks for; the message is one line.
-    """
+    """The drivetrain of a body, as a kinematic model needs it."""
     found = _steered(body) if model == "ackermann" else _two_sided(body)
     speed = _named(body.columns, SPEEDS, ["m/s"])
     yaw_rate = _named(body.columns, YAW_RATES, ["rad/s"])
@@ -226,10 +221,8 @@ def _named(
 ) -> int | None:
     """Number of the column with the first of the names that any column has.
 
-    Args:
-        columns: names and units.
-        names: without words such as 'command'.
-        units: SI units that the column may have; any by default.
+    The names are without words such as 'command'. The column has one of the SI units,
+    if any are given.
     """
     plain = [
         _without_command(name) if not units or SI.get(unit) in units else ""

@@ -51,13 +51,6 @@ def pretraining_datasets(datasets: Datasets, seed: int) -> Datasets:
     """Datasets of a pretraining: the expert's in the novice's place.
 
     The validation set is empty: nothing evaluates these weights by themselves.
-
-    Args:
-        datasets: the expert's data are used, the novice's are not.
-        seed: seed of the random split.
-
-    Raises:
-        ConfigError: there are no data of the expert, or a single trajectory.
     """
     expert = datasets.expert
     if expert is None:
@@ -86,11 +79,7 @@ def write(folder: Path, start: Pretrained) -> None:
 
 
 def read(folder: Path) -> Pretrained | None:
-    """The pretrained weights in a folder; None where there are none.
-
-    Raises:
-        CheckpointError: the file is damaged.
-    """
+    """The pretrained weights in a folder; None where there are none."""
     content = checkpoint.read(folder)
     if content is None:
         return None

@@ -18,13 +18,13 @@ from scipy.linalg import cho_factor, cho_solve
 from torch import Tensor
 
 from ownrobot.methods.boosting import require_scikit_learn
+from ownrobot.methods.closed_form import fitted, weights_of
 from ownrobot.methods.gaussian_process import GaussianProcess, Posterior, first_guess
 from ownrobot.methods.pooled import expert_windows
 from ownrobot.methods.trees import features
 from sidm.body import Body
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.model import Predictor
-from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 
 #: Samples that a process learns from, at most: time grows with the third power.
@@ -80,26 +80,10 @@ def learn(
     """Fit the Gaussian processes of a novice.
 
     They are exact up to 3,000 samples; of more, a random 3,000 are learnt from. The
-    kernels come from 400 of these. Train and test split are learnt from together.
-
-    Args:
-        datasets: the novice's train and test split, and the expert's data for further
-            samples; the validation set is not used.
-        body: the robot's body.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-        base: the expert's model, without a memory, which the processes correct; none
-            by default.
-        pooled: whether the expert's samples are learnt from beside the novice's. They
-            are half of the samples, or more where there are few of the novice.
-        seed: of the random samples.
-
-    Returns:
-        The model and its training; the test loss is that of processes of the train
-        split, which have at most 800 samples.
-
-    Raises:
-        ConfigError: scikit-learn is not installed, or there are no data of the expert
-            where its samples are learnt from; one line.
+    kernels come from 400 of these. Train and test split are learnt from together; the
+    test loss is that of processes of at most 800 samples of the train split. They
+    correct the `base`, a model without a memory. If `pooled`, the expert's samples are
+    learnt from too, as half of all or more where there are few of the novice.
     """
     require_scikit_learn("gp")
     further = expert_windows(datasets) if pooled else None
@@ -116,12 +100,10 @@ def learn(
         posterior = condition(_draw(both, more, rng), kernels, units)
         # Of hours of motion, these are enough for a number that only tells of the fit.
         train_errors = _errors(posterior, both.first(MOST_SAMPLES))
-    model = GaussianProcess(body, posterior, base, scale).eval()
-    weights = np.ones(len(body.targets)) if scale is None else scale.double().numpy()
+    model = GaussianProcess(body, posterior, base, scale)
+    weights = weights_of(body, scale).double().numpy()
     train_loss, test_loss = float(train_errors @ weights), float(test_errors @ weights)
-    steps = len(both.features)
-    curve = [CurvePoint(steps, train_loss, test_loss, None)]
-    return Trained(model, curve, steps, 0, test_loss, steps, True)
+    return fitted(model, len(both.features), train_loss, test_loss)
 
 
 def samples(windows: Windows, body: Body, base: Predictor | None) -> Samples:
@@ -146,16 +128,10 @@ def _draw(novice: Samples, expert: Samples | None, rng: np.random.Generator) -> 
 def fit_kernels(
     train: Samples, test: Samples, units: FeatureUnits
 ) -> tuple[list[Any], np.ndarray]:
-    """The kernel of each component, and its error on the test split.
+    """The kernel of each component, None of a constant one, and test errors (Y,).
 
-    Args:
-        train: samples in random order.
-        test: samples that choose the factor of the length scales.
-        units: in which a kernel sees the features.
-
-    Returns:
-        A scikit-learn kernel for each component, None for a constant one, and the mean
-        squared errors (Y,) on the test split.
+    The train samples are in random order; the test samples choose the factor of the
+    length scales.
     """
     kernels: list[Any] = []
     errors: list[float] = []
@@ -205,13 +181,9 @@ def _scaled(kernel: Any) -> list[Any]:
 
 
 def condition(data: Samples, kernels: Sequence[Any], units: FeatureUnits) -> Posterior:
-    """Means of the processes with these kernels, after these samples.
+    """Means of the processes with these kernels, after n samples.
 
-    Args:
-        data: n samples.
-        kernels: a scikit-learn kernel for each component of the residuals, in units of
-            its variance; a component of kernel None is predicted as its mean.
-        units: in which a kernel sees the features.
+    A component of kernel None is predicted as its mean.
     """
     mean, std = units
     rows = (data.features - mean) / std

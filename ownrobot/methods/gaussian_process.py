@@ -14,6 +14,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ownrobot.methods.closed_form import ClosedForm
 from ownrobot.methods.trees import features, kept_columns
 from sidm.body import Body
 from sidm.learning.model import Predictor
@@ -63,18 +64,12 @@ def _kernel(rows: Tensor, samples: Tensor) -> Tensor:
     )
 
 
-class GaussianProcess(Predictor):
+class GaussianProcess(ClosedForm):
     """Predicts transitions (B, T, Y) with Gaussian processes.
 
-    The memory is the last x, (B, 1, X); at a drive's first step the x before is x
-    itself.
-
-    Args:
-        body: the robot's body.
-        posterior: the processes.
-        base: the expert's model, without a memory, which the processes correct; None
-            if they predict the changes of columns.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
+    They correct a base, the expert's model without a memory, or predict the changes of
+    columns. The memory is the last x, (B, 1, X); at a drive's first step the x before
+    is x itself.
     """
 
     scale: Tensor | None
@@ -86,21 +81,14 @@ class GaussianProcess(Predictor):
         base: Predictor | None = None,
         scale: Tensor | None = None,
     ):
-        super().__init__()
+        super().__init__(scale)
         self.body, self.base = body, base
-        self.register_buffer("scale", scale, persistent=False)
-        for name, tensor in posterior._asdict().items():
-            tensor = tensor.clone()
-            self.register_parameter(name, torch.nn.Parameter(tensor, False))
+        self.keep(posterior)
 
     @property
     def posterior(self) -> Posterior:
         """The processes."""
         return Posterior(*(getattr(self, name).data for name in Posterior._fields))
-
-    def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of the components in equation (1)."""
-        return self.scale
 
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Tensor | None = None

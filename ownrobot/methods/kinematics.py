@@ -24,39 +24,32 @@ import functools
 import torch
 from torch import Tensor
 
+from ownrobot.methods.closed_form import (
+    ClosedForm,
+    columns_and_actions,
+    fitted,
+    weights_of,
+)
 from ownrobot.methods.drivetrain import Model, Signal, drivetrain_of
 from sidm import rotations
 from sidm.body import Body
 from sidm.learning.dataset import Datasets
-from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
-from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 
 LARGEST_STEERING = 1.4  # rad; the tangent of a larger angle has no meaning
 
 
-class Kinematics(Predictor):
+class Kinematics(ClosedForm):
     """Predicts transitions (B, T, Y) of a wheeled robot.
 
     The parameters are zero until they are identified.
-
-    Args:
-        model: which of the kinematic models.
-        body: the robot's body.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-
-    Raises:
-        ConfigError: the body has no such drivetrain.
     """
 
-    scale: Tensor | None
-
     def __init__(self, model: Model, body: Body, scale: Tensor | None = None):
-        super().__init__()
+        super().__init__(scale)
         self.model, self.body = model, body
         self.drivetrain = drivetrain_of(body, model)
-        self.register_buffer("scale", scale, persistent=False)
         columns, actions = len(body.columns), len(body.actions)
         fixed = functools.partial(torch.nn.Parameter, requires_grad=False)
         # Share of the difference to its command that a wheel makes up for in a step.
@@ -73,15 +66,11 @@ class Kinematics(Predictor):
         self.level = fixed(torch.zeros(columns))
         self.decay = fixed(torch.zeros(columns))
 
-    def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of the components in equation (1)."""
-        return self.scale
-
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
     ):
         """Transitions (B, T, Y) in raw units; `memory` is returned as it is."""
-        columns, actions = self.columns_and_actions(inputs)
+        columns, actions = columns_and_actions(inputs, self.body)
         after = self._next_columns(columns, actions)
         before = self.signals(columns, actions)
         at_end = self.signals(torch.stack(after, -1), actions)
@@ -92,13 +81,6 @@ class Kinematics(Predictor):
                 after[column] = self.features(at_end) @ self.jacobian[row]
         motion = self._pose_change(speed / self.body.rate, yaw_rate / self.body.rate)
         return torch.stack([*motion, *after], -1), memory
-
-    def columns_and_actions(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
-        """Columns (..., C) and actions (..., A) in inputs (..., X)."""
-        body = self.body
-        first = len(body.inputs) - len(body.actions)
-        columns = inputs[..., first - len(body.columns) : first]
-        return columns, inputs[..., first:]
 
     def signals(self, columns: Tensor, actions: Tensor) -> Tensor:
         """The drivetrain's two signals (..., 2)."""
@@ -147,33 +129,22 @@ def identify(
 ) -> Trained:
     """Fit the parameters to the novice's steps, train and test split together.
 
-    Args:
-        datasets: the novice's train and test split; the other data are not used.
-        body: the robot's body.
-        model: which of the kinematic models.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-
-    Returns:
-        The model and its training; the test loss is that on all steps.
-
-    Raises:
-        ConfigError: the body has no drivetrain for this model; one line.
+    The test loss is that on all these steps.
     """
-    fitted = Kinematics(model, body, scale)
+    found = Kinematics(model, body, scale)
     sets = datasets.train, datasets.test
     parts = [part for windows in sets for part in windows.split(len(windows))]
     x = torch.cat([part.inputs for part in parts]).flatten(0, 1).double()
     y = torch.cat([part.targets for part in parts]).flatten(0, 1).double()
-    columns, actions = fitted.columns_and_actions(x)
+    columns, actions = columns_and_actions(x, body)
     after = y[:, body.pose_size :]
-    _fit_wheels(fitted, columns, actions, after)
-    _fit_other_columns(fitted, columns, actions, after)
-    _fit_motion(fitted, columns, actions, y)
-    predicted, _ = fitted("novice", x.float()[None], x.new_zeros(1, len(x), 0, 0))
-    weights = torch.ones(len(body.targets)) if scale is None else scale
-    loss = float(((predicted[0] - y).square() * weights).sum(-1).mean())
-    curve = [CurvePoint(len(x), loss, loss, None)]
-    return Trained(fitted.eval(), curve, len(x), 0, loss, len(x), True)
+    _fit_wheels(found, columns, actions, after)
+    _fit_other_columns(found, columns, actions, after)
+    _fit_motion(found, columns, actions, y)
+    predicted, _ = found("novice", x.float()[None], x.new_zeros(1, len(x), 0, 0))
+    squares = (predicted[0] - y).square() * weights_of(body, scale)
+    loss = float(squares.sum(-1).mean())
+    return fitted(found, len(x), loss, loss)
 
 
 def _fit_wheels(

@@ -18,11 +18,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from ownrobot.methods.closed_form import ClosedForm, fitted
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.model import Predictor
 from sidm.learning.networks import Memory
-from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation, divisor
 
@@ -33,7 +33,7 @@ PENALTIES = tuple(10.0**power for power in range(-4, 1))
 PRODUCT_PENALTIES = tuple(10.0**power for power in range(-3, 4))
 
 
-class LeastSquares(Predictor):
+class LeastSquares(ClosedForm):
     """Predicts a weighted sum of functions, added to the expert's prediction if any.
 
     The weights are zero until they are fitted. Every number is limited to the range of
@@ -47,8 +47,6 @@ class LeastSquares(Predictor):
         scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
 
-    loss_scale: Tensor | None
-
     low: Tensor  # (N,), smallest numbers in the data
     high: Tensor  # (N,), largest numbers in the data
 
@@ -58,20 +56,15 @@ class LeastSquares(Predictor):
         base: Predictor | None = None,
         scale: Tensor | None = None,
     ):
-        super().__init__()
+        super().__init__(scale)
         self.base, self.units = base, units
         inputs, self.targets = len(units.input_mean), len(units.target_mean)
         self.count = inputs + (self.targets if base is not None else 0)  # N
         functions = 1 + self.count + self.count * (self.count + 1) // 2  # F
         zeros = torch.zeros(functions, self.targets)
         self.weights = nn.Parameter(zeros, requires_grad=False)
-        self.register_buffer("loss_scale", scale, persistent=False)
         self.register_buffer("low", torch.full((self.count,), -torch.inf))
         self.register_buffer("high", torch.full((self.count,), torch.inf))
-
-    def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of the components in equation (1)."""
-        return self.loss_scale
 
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
@@ -135,11 +128,7 @@ class NormalEquations(NamedTuple):
         return NormalEquations(*map(operator.sub, self, part))
 
     def solve(self, penalties: Tensor) -> Tensor:
-        """Weights (F, Y) of the lowest mean squared error.
-
-        Args:
-            penalties: (F,), factors of the weights' squares, which add to the error.
-        """
+        """Weights (F, Y) of the lowest mean squared error with penalties (F,)."""
         gram = self.gram / self.steps + penalties.diag()
         return torch.linalg.solve(gram, self.cross / self.steps)
 
@@ -219,8 +208,7 @@ def fit(
     lowest = min(losses)
     weights = total.solve(candidates[losses.index(lowest)])
     model.weights.copy_(weights / root)
-    curve = [CurvePoint(total.steps, total.loss(weights), lowest, None)]
-    return Trained(model, curve, total.steps, 0, lowest, total.steps, True)
+    return fitted(model, total.steps, total.loss(weights), lowest)
 
 
 def _numbers_and_residuals(
@@ -228,11 +216,9 @@ def _numbers_and_residuals(
     sets: Sequence[Windows],
     image: Callable[[Windows], Windows] | None,
 ) -> tuple[Tensor, Tensor]:
-    """Numbers and residuals of all windows of some sets, one after the other.
+    """Numbers (n, T, N), and what the base leaves of the transitions, (n, T, Y).
 
-    Returns:
-        Numbers (n, T, N) and what the base leaves of the transitions, (n, T, Y); 2 T in
-        place of T with an `image`.
+    With an `image` there are 2 T in place of T steps.
     """
 
     def pair(part: Windows) -> tuple[Tensor, Tensor]:

@@ -22,19 +22,12 @@ NAMES = (
 
 
 def map_features(maps: Tensor, size: float) -> Tensor:
-    """Height under the robot, slopes, curvature, and means of nine cells.
+    """Features (..., 13), float32, in the order of NAMES, of maps (..., P, P), m.
 
     Height (m), slopes along and across the robot (-) and curvature (1/m) are those of
     the paraboloid h + a x + b y + c (x^2 + y^2) / 2 that fits the map within a metre of
     the robot best. The cells are squares of about 1 m, three by three, with the robot
     in the middle.
-
-    Args:
-        maps: (..., P, P), m, as `robot_centred_map` makes them.
-        size: side of the square that a map covers, m.
-
-    Returns:
-        Features (..., 13), float32, in the order of NAMES.
     """
     weights = feature_weights(maps.shape[-1], size).to(maps.device)
     return maps.flatten(-2).float() @ weights.T

@@ -20,11 +20,7 @@ MOST_EXPERT_SAMPLES = 20_000
 
 
 class Pooled(Predictor):
-    """Predicts transitions (B, T, Y) of the novice with a model that sees the flag.
-
-    Args:
-        inner: the model, whose inputs are (B, T, 1 + X).
-    """
+    """Predicts transitions (B, T, Y) of the novice by a model that sees the flag."""
 
     def __init__(self, inner: Predictor):
         super().__init__()
@@ -46,15 +42,7 @@ def with_flag(inputs: Tensor, is_novice: bool) -> Tensor:
 
 
 def pooled_datasets(datasets: Datasets, seed: int) -> Datasets:
-    """The data of both robots with flags, the expert's at most 20,000 samples.
-
-    Args:
-        datasets: the novice's and the expert's.
-        seed: seed of the random windows of the expert.
-
-    Raises:
-        ConfigError: there are no data of the expert.
-    """
+    """The data of both robots with flags, the expert's at most 20,000 samples."""
     expert = expert_windows(datasets)
     most = max(1, MOST_EXPERT_SAMPLES // expert.stored_inputs.shape[1])
     order = np.random.default_rng(seed).permutation(len(expert))
@@ -64,11 +52,7 @@ def pooled_datasets(datasets: Datasets, seed: int) -> Datasets:
 
 
 def expert_windows(datasets: Datasets) -> Windows:
-    """The expert's windows.
-
-    Raises:
-        ConfigError: there are none.
-    """
+    """The expert's windows."""
     if datasets.expert is None:
         raise ConfigError(
             "samples of both robots need the expert's data, but datasets.expert is None"

@@ -86,12 +86,10 @@ class Method(NamedTuple):
         return self.expert or setting not in DRAWING
 
     def training(self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})) -> T:
-        """Settings of the method's training on the novice.
+        """Settings of the method's training on the novice, from those that all share.
 
-        Args:
-            base: settings that all methods share; its `p_expert` counts only if the
-                method learns from the expert's data.
-            tuned: settings that were tuned for the method; they replace the base's.
+        The base's `p_expert` counts only if the method learns from the expert's data;
+        tuned values replace the base's.
         """
         p_expert = base.p_expert if self.expert else 0.0
         values = {"p_expert": p_expert, "regularise": self.regularise} | dict(tuned)
@@ -100,15 +98,7 @@ class Method(NamedTuple):
     def pretraining(
         self, base: T, tuned: Mapping[str, Any] = MappingProxyType({})
     ) -> T | None:
-        """Settings of the method's training on the expert alone.
-
-        Args:
-            base: settings that all methods share.
-            tuned: settings that were tuned for the method; they replace the base's.
-
-        Returns:
-            The settings; None for a method that is not pretrained.
-        """
+        """Settings of the training on the expert alone; None without pretraining."""
         if not self.pretrained:
             return None
         values = dict(tuned) | dict(self.all_changes)

@@ -13,12 +13,7 @@ from sidm.learning.units import Standardisation
 
 
 class Corrected(Predictor):
-    """Predicts the sum of two models' predictions.
-
-    Args:
-        base: the fixed model, with the novice's parts alone.
-        correction: predicts what is to be added, with the novice's parts alone.
-    """
+    """Predicts the sum of a fixed model's predictions and of a correction."""
 
     def __init__(self, base: DynamicsModel, correction: Predictor):
         super().__init__()
@@ -57,9 +52,6 @@ def correction_units(datasets: Datasets) -> Standardisation:
     """Units of a correction: those of the expert's data, but with targets of mean 0.
 
     A correction starts at zero.
-
-    Raises:
-        ConfigError: there are no data of the expert.
     """
     if datasets.expert is None:
         raise ConfigError(

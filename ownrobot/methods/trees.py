@@ -2,50 +2,148 @@
 
 They see x of this step and of the step before, and a dozen numbers of the height map
 where the body has one. They predict how much a column changes rather than the column
-itself: a sum of steps is a poor copy of a number. `boosting` grows them.
+itself: a sum of steps is a poor copy of a number. `boosting` grows them;
+predictions and storage need PyTorch alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
 import torch
 from torch import Tensor
 
-from ownrobot.methods.forest import Forest
+from ownrobot.methods.closed_form import ClosedForm, columns_and_actions
 from ownrobot.methods.map_features import map_features
 from sidm.body import Body
-from sidm.learning.model import Predictor
+
+ROWS_AT_A_TIME = 64  # each visits every tree; a processor's cache holds so many
 
 
-class Trees(Predictor):
+class Forest(NamedTuple):
+    """Trees of several regressions, node by node; a leaf is its own child.
+
+    Attributes:
+        feature: (n,) int64, the number that a node looks at
+        threshold: (n,) float64; a number up to the threshold goes to the left
+        missing_left: (n,) bool, whether a missing number (NaN) goes to the left
+        left: (n,) int64, the child on the left
+        right: (n,) int64, the child on the right
+        value: (n,) float64, a leaf's contribution to its component
+        roots: (R,) int64, each tree's first node
+        component: (R,) int64, the component of y that a tree adds to
+        baseline: (Y,) float64, the components without any tree
+    """
+
+    feature: Tensor
+    threshold: Tensor
+    missing_left: Tensor
+    left: Tensor
+    right: Tensor
+    value: Tensor
+    roots: Tensor
+    component: Tensor
+    baseline: Tensor
+
+    @classmethod
+    def constant(cls, values: Tensor) -> Forest:
+        """A forest without trees that predicts `values` (Y,)."""
+        whole = torch.zeros(0, dtype=torch.int64)
+        number = torch.zeros(0, dtype=torch.float64)
+        flags = torch.zeros(0, dtype=torch.bool)
+        return cls(
+            whole, number, flags, whole, whole, number, whole, whole, values.double()
+        )
+
+    def with_trees(
+        self, component: int, trees: Sequence[Any], baseline: float
+    ) -> Forest:
+        """The forest with further trees, and a baseline, that add to a component of y.
+
+        The trees are arrays of nodes, as scikit-learn's histogram trees have them.
+        """
+        parts = {name: [tensor] for name, tensor in self._asdict().items()}
+        first = len(self.feature)
+        for nodes in trees:
+            own, leaf = torch.arange(len(nodes)), _tensor(nodes["is_leaf"]).bool()
+            children = {
+                side: first + torch.where(leaf, own, _tensor(nodes[side]).long())
+                for side in ("left", "right")
+            }
+            added = children | {
+                "feature": _tensor(nodes["feature_idx"]).long().clamp_min(0),
+                "threshold": _tensor(nodes["num_threshold"]).double(),
+                "missing_left": _tensor(nodes["missing_go_to_left"]).bool(),
+                "value": _tensor(nodes["value"]).double(),
+                "roots": torch.tensor([first]),
+                "component": torch.tensor([component]),
+            }
+            for name, tensor in added.items():
+                parts[name].append(tensor)
+            first += len(nodes)
+        joined = {name: torch.cat(tensors) for name, tensors in parts.items()}
+        joined["baseline"] = joined["baseline"].clone()
+        joined["baseline"][component] += baseline
+        return Forest(**joined)
+
+    def predict(self, features: Tensor) -> Tensor:
+        """Components (N, Y), float64, at features (N, F), float64."""
+        small = self.feature.int(), self._children()  # short numbers are read faster
+        parts = [
+            self._predict_part(part, *small) for part in features.split(ROWS_AT_A_TIME)
+        ]
+        return torch.cat(parts) if parts else self.baseline.expand(0, -1)
+
+    def _children(self) -> Tensor:
+        """Children (2 n,), int32: node i has its left at 2 i, its right at 2 i + 1."""
+        return torch.stack([self.left, self.right], 1).flatten().int()
+
+    def _predict_part(
+        self, features: Tensor, feature: Tensor, children: Tensor
+    ) -> Tensor:
+        """Components (N, Y) at a few rows; all rows walk down all trees at once."""
+        count, width = features.shape
+        numbers, has_missing = features.flatten(), bool(features.isnan().any())
+        node = self.roots.int().repeat(count)  # (N R,)
+        row = torch.arange(count, dtype=torch.int32, device=features.device)
+        start = (row * width).repeat_interleave(len(self.roots))
+        while True:
+            number = numbers.index_select(0, start + feature.index_select(0, node))
+            is_right = number > self.threshold.index_select(0, node)
+            if has_missing:
+                is_right |= number.isnan() & ~self.missing_left.index_select(0, node)
+            child = children.index_select(0, 2 * node + is_right)
+            if torch.equal(child, node):  # every row is at a leaf of every tree
+                break
+            node = child
+        values = self.value.index_select(0, node).view(count, -1)
+        predicted = self.baseline.repeat(count, 1)
+        return predicted.index_add_(1, self.component, values)
+
+
+def _tensor(array: Any) -> Tensor:
+    """A tensor with a copy of a field of a structured array."""
+    return torch.from_numpy(np.array(array, dtype=np.float64))
+
+
+class Trees(ClosedForm):
     """Predicts transitions (B, T, Y) with boosted trees.
 
     The memory is the last x, (B, 1, X); at a drive's first step the x before is x
     itself.
-
-    Args:
-        body: the robot's body.
-        forest: its trees.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
     """
 
-    scale: Tensor | None
-
     def __init__(self, body: Body, forest: Forest, scale: Tensor | None = None):
-        super().__init__()
+        super().__init__(scale)
         self.body = body
-        self.register_buffer("scale", scale, persistent=False)
-        for name, tensor in forest._asdict().items():
-            tensor = tensor.clone()
-            self.register_parameter(name, torch.nn.Parameter(tensor, False))
+        self.keep(forest)
 
     @property
     def forest(self) -> Forest:
         """The trees."""
         return Forest(*(getattr(self, name).data for name in Forest._fields))
-
-    def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of the components in equation (1)."""
-        return self.scale
 
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Tensor | None = None
@@ -60,16 +158,10 @@ class Trees(Predictor):
 def features(
     inputs: Tensor, maps: Tensor, body: Body, before: Tensor | None = None
 ) -> Tensor:
-    """What the trees see: x, the x of the step before, and the map's features.
+    """Features (B, T, F), float64: x, the x of the step before, and the map's features.
 
-    Args:
-        inputs: (B, T, X), raw units.
-        maps: (B, T, P, P), m.
-        body: the robot's body.
-        before: (B, 1, X), x of the step before the first; by default x of the first.
-
-    Returns:
-        Features (B, T, F), float64.
+    Inputs are (B, T, X), maps (B, T, P, P), m; `before` (B, 1, X) is x of the step
+    before the first, by default x of the first.
     """
     first = inputs[:, :1] if before is None else before
     parts = [inputs, torch.cat([first, inputs[:, :-1]], 1)]
@@ -80,7 +172,6 @@ def features(
 
 def kept_columns(inputs: Tensor, body: Body) -> Tensor:
     """Transitions (B, T, Y), float64: columns keep their values, the pose is 0."""
-    end = inputs.shape[-1] - len(body.actions)
-    columns = inputs[..., end - len(body.columns) : end].double()
+    columns = columns_and_actions(inputs, body)[0].double()
     pose = columns.new_zeros(*columns.shape[:-1], body.pose_size)
     return torch.cat([pose, columns], -1)

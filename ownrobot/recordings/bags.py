@@ -25,20 +25,9 @@ LONG_PAUSE = 1.0  # s without a command, from which a note tells that the last o
 
 
 def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
-    """Read the columns of a body from a bag.
+    """Read the columns of a body from a bag, of all topics unless some are given.
 
     Where the clock of the poses goes back, a new drive begins.
-
-    Args:
-        path: of the bag.
-        body: whose columns are read.
-        topics: names of the topics to read; all unless given.
-
-    Raises:
-        RecordingError: a topic is missing, or a kind of topic occurs more than once, or
-            the bag is cut off, or no topic has a column of the body; the message is one
-            line.
-        ImportError: the library `rosbags` is not installed.
     """
     wanted = [name for name, _ in (*body.state, *body.actions)]
     parts, notes, session = read_topics(path, topics)
@@ -92,16 +81,9 @@ def _notes_of_commands(
 def bag_columns(
     path: Path, topics: Topics, wanted: Sequence[str], body: str
 ) -> dict[str, np.ndarray]:
-    """Columns at the times of the poses that lie within the times of all of them.
+    """The wanted columns and `time`, s, (R,) each, at the times of the poses.
 
-    Args:
-        path: of the bag, for messages.
-        topics: of the bag.
-        wanted: names of the columns.
-        body: name of the body, for messages.
-
-    Returns:
-        Name of each wanted column, and `time` in s -> numbers (R,).
+    The times lie within those of all topics; `body` is a name for messages.
     """
     known = topics.pose | topics.sensors | topics.command
     for name in wanted:

@@ -66,11 +66,7 @@ def refuse_angles(name: str, column: str, angles: np.ndarray) -> None:
 
 
 def refuse_times(name: str, time: np.ndarray) -> float:
-    """Refuse times (R,), s, that do not increase.
-
-    Returns:
-        The median spacing of the rows, s.
-    """
+    """Refuse times (R,), s, that do not increase; returns their median spacing, s."""
     if not np.isfinite(time).all():
         row = np.flatnonzero(~np.isfinite(time))[0] + 1
         raise RecordingError(
@@ -94,10 +90,7 @@ def refuse_times(name: str, time: np.ndarray) -> float:
 def pauses(time: np.ndarray, rate: float) -> np.ndarray:
     """Numbers (P,) of the rows before which a recording pauses.
 
-    Args:
-        time: of the rows (R,), s.
-        rate: of the control steps, Hz; a time that is hardly longer than a step is no
-            pause.
+    A time that is hardly longer than a control step at `rate`, Hz, is no pause.
     """
     steps = np.diff(time)
     return np.flatnonzero(steps > max(GAP * np.median(steps), LEAST_PAUSE / rate)) + 1
@@ -108,15 +101,11 @@ def refuse_slower(
 ) -> None:
     """Refuse a body whose rate is above that of the recorded numbers.
 
-    Args:
-        name: for the message.
-        row_rate: recorded rows a second, Hz.
-        pose_rate: new values of the pose a second, Hz, where the pose changes.
-        body: whose rate is compared.
+    These are rows a second, and new values of the pose a second where it changes, Hz.
     """
     for rate, what in ((row_rate, "rows come"), (pose_rate, "its pose is new")):
         if rate is not None and body.rate > FASTER * rate:
-            mend = f"write 'rate: {_plain_rate(rate)} Hz' in the body"
+            mend = f"write 'rate: {plain_rate(rate):.3g} Hz' in the body"
             if rate < SLOWEST:
                 mend = "is 'time' in ms? Name its unit"
             raise RecordingError(
@@ -125,10 +114,10 @@ def refuse_slower(
             )
 
 
-def _plain_rate(rate: float) -> str:
+def plain_rate(rate: float) -> float:
     """A rate, Hz, with two digits, rounded downwards where there are more."""
     digit = 10.0 ** (math.floor(math.log10(rate)) - 1)
-    return f"{math.floor(rate / digit + 0.05) * digit:.3g}"
+    return round(math.floor(rate / digit + 0.05) * digit, 9)
 
 
 def unit_quaternions(name: str, quaternions: np.ndarray) -> np.ndarray:

@@ -41,13 +41,9 @@ class Messages(NamedTuple):
 
 
 def on_one_clock(topics: Sequence[Messages]) -> tuple[list[np.ndarray], list[str]]:
-    """Times of all messages on one clock, and what must be told about it.
+    """Times (N,), s, of each topic on one clock, and what must be told about it.
 
-    Args:
-        topics: that are read.
-
-    Returns:
-        Times (N,), s, of each topic, NaN where a message has none; lines of text.
+    A time is NaN where a message has none.
     """
     topics, notes = _with_stamps_of_one_clock(topics)
     stamped = [one for one in topics if one.stamps is not None]

@@ -45,11 +45,8 @@ from sidm.storage import write_atomically
 def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
     """Read the columns of a body from a file; RecordingError names the first fault.
 
-    Args:
-        path: of the file.
-        body: whose columns are read.
-        lenient: whether a cell that is no number is read as NaN in a file of several
-            drives; its drive alone is then refused.
+    If `lenient`, a cell that is no number is NaN in a file of several drives; its drive
+    alone is then refused.
     """
     text = read_text(path)
     header, names = text.header, text.names
@@ -131,13 +128,7 @@ def _heights(path: Path) -> np.ndarray:
 
 
 def write_csv(path: Path, drives: Sequence[Drive], origin: str) -> None:
-    """Write drives in SI units, compressed where the file's name ends in .gz.
-
-    Args:
-        path: of the file.
-        drives: of a body without a height map.
-        origin: where the drives come from, for people.
-    """
+    """Write drives in SI units, compressed where the file's name ends in .gz."""
     body = drives[0].body
     file = io.StringIO()
     file.write(f"# origin: {origin}\n# rate: {body.rate:g} Hz\n")

@@ -37,11 +37,7 @@ NAMED = re.compile(r"(?:.*/)?(?:joint_states/)?(?P<name>[^/]+)/(velocity|data)")
 
 
 def read_text(path: Path) -> TextTable:
-    """Read a CSV file's header and cells, with the names that other files have.
-
-    Raises:
-        RecordingError: the first fault.
-    """
+    """Read a CSV file's header and cells, with the names that other files have."""
     table = text_of(path)
     return _with_topics(table if "time" in table.names else _with_time(table))
 

@@ -131,13 +131,10 @@ def refuse_other_velocities(name: str, states: np.ndarray, body: Body) -> None:
 def refuse_other_turning(name: str, drives: Sequence[tuple[np.ndarray, float]]) -> None:
     """Refuse angular velocities that turn a robot otherwise than its attitudes did.
 
-    All drives are compared together: a short drive on level ground turns too little. A
-    wrong unit of a column is refused, and axes or a frame where other ones fit better.
-
-    Args:
-        name: for the message.
-        drives: states (R, 13) of all recorded rows, and their rate, Hz. Shaking that is
-            faster than the control steps cannot be seen at their rate.
+    All drives are compared together, states (R, 13) of all recorded rows and their
+    rate, Hz: a short drive on level ground turns too little, and shaking is faster than
+    the control steps. A wrong unit of a column is refused, and axes or a frame where
+    other ones fit better.
     """
     if not drives:
         return

@@ -6,7 +6,6 @@ A person must check it: names do not say what a column measures.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -260,18 +259,15 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
         reason += "; is 'time' in ms?"
     if rate > RATE / 1.25:
         return RATE, f"rate: steps a second; {reason}"
-    digit = 10.0 ** (math.floor(math.log10(rate)) - 1)
-    return round(math.floor(rate / digit + 0.05) * digit, 9), f"rate: {reason}"
+    return checks.plain_rate(rate), f"rate: {reason}"
 
 
 def _tried(
     file: Path, body: Body, topics: Sequence[str]
 ) -> tuple[Body, list[str], list[str]]:
-    """Read the file with a body.
+    """The body without columns that never change in a file, these columns, and faults.
 
-    Returns:
-        The body without columns that never change, these columns, and a line for the
-        first fault of the file, if there is any.
+    Only the first fault is told.
     """
     findings = Findings(skip=True, doubtful=True)
     try:

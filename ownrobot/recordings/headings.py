@@ -68,12 +68,7 @@ class _Stretches(NamedTuple):
 
 
 def check_headings(drives: Sequence[Drive], body: Body) -> Headings:
-    """The drives of one file that are off their yaw.
-
-    Args:
-        drives: of the file.
-        body: of the drives.
-    """
+    """The drives of one file that are off their yaw."""
     names = [name for name, _ in body.columns]
     if body.pose == "none" or has_twist(body) or "vy" in names:
         return Headings([], 0)

@@ -180,13 +180,7 @@ def _whole_numbers(path: Path, name: str, member: np.ndarray) -> np.ndarray:
 def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
     """Write drives in SI units: float32, each ground once, heights in whole mm.
 
-    Args:
-        path: of the file.
-        drives: of one robot.
-        origin: where the drives come from, for people.
-
-    Raises:
-        ValueError: the grounds have several shapes or spacings.
+    Grounds of several shapes or spacings raise ValueError.
     """
     body = drives[0].body
     columns = dict((*body.state, *body.actions))

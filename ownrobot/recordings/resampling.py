@@ -116,14 +116,7 @@ def rows_of(
 ) -> Rows:
     """The rows of one drive; angles are unwrapped and quaternions have length 1.
 
-    Args:
-        where: file and drive, for messages.
-        columns: name of each column -> its numbers (R,), in SI units.
-        body: whose columns these are.
-        rate: of the rows, Hz; None: they have the column `time`.
-
-    Raises:
-        RecordingError: a number or a time cannot be right; the message is one line.
+    Columns (R,) are in SI units; without a rate, Hz, they have the column `time`.
     """
     states = np.stack([columns[name] for name, _ in body.state], 1)
     actions = np.stack([columns[name] for name, _ in body.actions], 1)
@@ -198,12 +191,7 @@ def _signs(quaternions: np.ndarray) -> np.ndarray:
 def pose_rate(drives: Sequence[Rows], size: int) -> float | None:
     """New values of the pose a second, Hz, in the median of all drives' rows.
 
-    Args:
-        drives: the rows of each drive.
-        size: how many numbers the pose has.
-
-    Returns:
-        None where the pose changes too rarely to tell.
+    None where the pose, of `size` numbers, changes too rarely to tell.
     """
     spacings = [
         np.diff(rows.time[_changes(rows.states[:, :size])]) for rows in drives if size

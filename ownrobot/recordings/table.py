@@ -74,20 +74,9 @@ class Findings:
 def unit_factors(
     file: str, names: Sequence[str], units: Sequence[str], body: Body, timed: bool
 ) -> dict[str, float]:
-    """Factors that bring the columns of a body into SI units.
+    """Factors that bring the columns of a body, and `time` if timed, into SI units.
 
-    Args:
-        file: name of the file, for messages.
-        names: of the file's columns.
-        units: of the file's columns, as many.
-        body: whose columns are read.
-        timed: whether the column `time` is read too.
-
-    Returns:
-        Name of each column that is read -> factor.
-
-    Raises:
-        RecordingError: a column is missing, occurs twice, or has a wrong unit.
+    A column that is missing, occurs twice or has a wrong unit is refused.
     """
     wanted = dict((*body.state, *body.actions)) | ({"time": "s"} if timed else {})
     for column in wanted:

@@ -48,12 +48,11 @@ class Topics(NamedTuple):
 def read_topics(
     path: Path, topics: Sequence[str] = ()
 ) -> tuple[list[Topics], list[str], str]:
-    """Read the pose, the sensors and the command of a bag; errors as in `read_bag`.
+    """Read the pose, the sensors and the command of a bag, on one clock.
 
-    Returns:
-        The topics, in several parts where the clock of the poses goes back; lines about
-        clocks and messages that are left out; and the bag's session, the first of the
-        bags that a recorder made of one recording.
+    The topics are in several parts where the clock of the poses goes back. With them
+    come lines about clocks and messages that are left out, and the bag's session: the
+    first of the bags that a recorder made of one recording.
     """
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
@@ -96,10 +95,6 @@ def _first_of_split(path: Path, reader: Any) -> Path:
     """The first of the bags NAME_0, NAME_1, ... of one recording that ends in a bag.
 
     Each of them begins where the one before ends.
-
-    Args:
-        path: of the bag.
-        reader: of the bag, open.
     """
     found = re.fullmatch(r"(.+_)(\d+)((?:\.\w+)?)", path.name)
     if not found or found[2] == "0":

@@ -30,11 +30,7 @@ WEAVE_PERIOD = 2.0  # s from one bend to the right to the next
 
 
 def find_robot(name: str) -> Robot:
-    """The robot with this name, such as 'system1 novice', of a system in SYSTEMS.
-
-    Raises:
-        ConfigError: there is no such robot; the message has the nearest name.
-    """
+    """The robot with this name, such as 'system1 novice', of a system in SYSTEMS."""
     system, _, role = name.rpartition(" ")
     if system not in SYSTEMS or role not in ROLES:
         raise unknown_name(name, ROBOTS, kind="robot")
@@ -108,14 +104,9 @@ def drive(
     steps: int = 40,
     yaw: float = 0.0,
 ) -> Ride:
-    """Reset a simulator and record a ride in it.
+    """Reset a simulator with `sampled_physics` and record a ride as `ride` does.
 
-    Args:
-        simulator: a `Simulator` with `sampled_physics`.
-        throttle: as in `ride`.
-        steering: as in `ride`.
-        steps: number of control steps of 0.1 s.
-        yaw: heading at the start, rad.
+    Its heading at the start is `yaw`, rad.
     """
     actions = np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering)
 

@@ -87,14 +87,9 @@ def rolling_angles(
 ) -> np.ndarray:
     """Angles (T + 1, 4), rad, of wheels that roll without slip on a given path.
 
-    The wheels are rear right, rear left, front right, front left.
-
-    Args:
-        position: (T + 1, 3), m.
-        quaternion: (T + 1, 4), x, y, z, w.
-        radius: radius of the wheels, m.
-        half_track: distance of the wheels from the middle, m; in a bend the outer
-            wheels turn faster.
+    The path has positions (T + 1, 3), m, and quaternions (T + 1, 4). The wheels are
+    rear right, rear left, front right, front left, `half_track` from the middle: in a
+    bend the outer wheels turn faster.
     """
     attitude = Rotation.from_quat(quaternion)
     back = attitude[:-1].inv()  # world to body
@@ -114,12 +109,7 @@ def attitudes_on_ground(
 ) -> Rotation:
     """Attitudes (T + 1) of a robot on four wheels, from its path over the ground.
 
-    Args:
-        path: (T + 1, 2), x and y, m.
-        ground: the ground that the robot stands on.
-        base: wheelbase, m.
-        track: distance between left and right wheels, m.
-        yaw: (T + 1,), rad; by default the direction of the path.
+    The path is (T + 1, 2), m; the yaw (T + 1,), rad, is by default its direction.
     """
     if yaw is None:
         yaw = _heading(path)
@@ -165,14 +155,9 @@ def wheel_dimensions(shape: Box | Robot) -> tuple[float, float, float]:
 def drive_track(
     drive: Drive, ground: Ground, shape: Box | Robot, name: str, colour: str
 ) -> Track:
-    """Track of a recorded drive, on wheels that roll without slip.
+    """Track of a drive with a pose, on wheels that roll without slip.
 
-    Args:
-        drive: a drive with a planar or a spatial pose.
-        ground: the ground under a planar pose.
-        shape: what the robot looks like.
-        name: name of the track.
-        colour: colour of the robot.
+    A planar pose stands on the ground.
     """
     pose = drive.states[:, : drive.body.pose_size]
     base, track, radius = wheel_dimensions(shape)
@@ -202,13 +187,6 @@ def drives_scene(drives: Iterable[Drive], shape: Box | Robot = BOXES["husky"]) -
     """Scene of recorded drives over the ground of the first drive.
 
     The ground is level where none was recorded.
-
-    Args:
-        drives: drives with a planar or a spatial pose.
-        shape: what the robots look like.
-
-    Raises:
-        ConfigError: the body has no pose, so its position is not known.
     """
     drives = list(drives)
     ground = _ground_under(drives)
@@ -233,9 +211,6 @@ def predicted_scene(
             `Model.rollout` returns them.
         shape: what the robot looks like.
         names: names of the robot and of the model, for the legend.
-
-    Raises:
-        ConfigError: the body has no pose.
     """
     predicted = replace(drive, states=path)
     ground = _ground_under([drive, predicted])
@@ -250,11 +225,7 @@ def predicted_scene(
 
 
 def _ground_under(drives: Sequence[Drive]) -> Ground:
-    """The recorded ground of the first drive, or level ground under all drives.
-
-    Raises:
-        ConfigError: the body has no pose, so its position is not known.
-    """
+    """The recorded ground of the first drive, or level ground under all drives."""
     body, recorded = drives[0].body, drives[0].ground
     if body.pose == "none":
         raise ConfigError(

@@ -52,15 +52,10 @@ def track_json(track: Track) -> dict[str, Any]:
 
 
 def cropped(ground: Ground, points: np.ndarray, margin: float = MARGIN) -> Ground:
-    """The ground around points (N, 2), m.
+    """The ground around points (N, 2), m, and a margin, m.
 
     Of a large piece only every second, third, ... grid point is taken, so that there
     are at most LARGEST points on a side.
-
-    Args:
-        ground: the whole ground.
-        points: (N, 2), x and y, m, of points that must be inside.
-        margin: ground around the points, m.
     """
     spacing, corner = ground.spacing, _corner(ground)
     low = np.floor((points.min(0) - margin - corner) / spacing).astype(int).clip(0)
@@ -114,11 +109,7 @@ def scene_json(scene: Scene) -> dict[str, Any]:
 
 
 def write_scene(path: str | Path, scene: Scene) -> None:
-    """Write a scene as one .npz file, which `ownrobot replay` shows.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write a scene as one .npz file, which `ownrobot replay` shows."""
     ground = _cropped_ground(scene)
     tracks = [track._asdict() for track in scene.tracks]
     content = {

@@ -83,12 +83,8 @@ def _tyre(radius: float, width: float, side: float) -> list[dict[str, Any]]:
 def box_skeleton(box: Box, on_ground: bool = True) -> Skeleton:
     """Skeleton of a robot without suspension.
 
-    Its joints are the wheels: rear right, rear left, front right, front left.
-
-    Args:
-        box: dimensions of the robot.
-        on_ground: whether the robot's frame is on the ground between the wheels;
-            otherwise it is in the middle of the body.
+    Its joints are the wheels: rear right, rear left, front right, front left. Its frame
+    is on the ground between the wheels, or in the middle of the body.
     """
     height = box.clearance + box.size[2] / 2
     parts = [_body(box.size, [0, 0, height] if on_ground else [0, 0, 0])]
@@ -100,15 +96,7 @@ def box_skeleton(box: Box, on_ground: bool = True) -> Skeleton:
 
 
 def rover_skeleton(robot: Robot, strut_motors: bool = True) -> Skeleton:
-    """Skeleton of a robot of the paper, with the joints of the simulation.
-
-    Args:
-        robot: the robot's parameters.
-        strut_motors: whether motors brake the struts.
-
-    Returns:
-        The skeleton; its joints are in the order of `Simulator.joint_angles`.
-    """
+    """Skeleton of a robot of the paper, with the joints of `Simulator.joint_angles`."""
     from sidm.simulation.dimensions import AXLES, CHASSIS_SIZE
     from sidm.simulation.suspension import Suspension
 
@@ -199,9 +187,8 @@ def _rods(axle: str, joints: Any, carrier: int) -> list[dict[str, Any]]:
 def heave_curves(robot: Robot, strut_motors: bool = True) -> list[list[float] | None]:
     """Mean strut travel, m, as a polynomial of the heave angle, rad, for each axle.
 
-    Returns:
-        Coefficients, the highest power first, for the rear and the front axle; None for
-        an axle without heave.
+    Coefficients, the highest power first, for the rear and the front axle; None for an
+    axle without heave.
     """
     from sidm.simulation.dimensions import AXLES
     from sidm.simulation.suspension import Suspension

@@ -36,12 +36,7 @@ def _code() -> str:
 
 
 class View:
-    """A view of a scene, which notebooks show and `write` writes as a page.
-
-    Args:
-        scene: the scene.
-        title: title of the page.
-    """
+    """A scene with a title, which notebooks show and `write` writes as a page."""
 
     def __init__(self, scene: Scene, title: str = "Replay") -> None:
         self.scene, self.title = scene, title
@@ -59,11 +54,7 @@ class View:
         )
 
     def write(self, path: str | Path) -> None:
-        """Write the page.
-
-        Raises:
-            OSError: the file cannot be written; the message is one line.
-        """
+        """Write the page."""
         content = self.page().encode()
         write_atomically(Path(path), lambda file: file.write(content))
 
@@ -75,11 +66,8 @@ class View:
 
 
 def replay(rides: Ride | Mapping[str, Ride] | Scene, title: str = "Replay") -> View:
-    """View a ride, several rides or a scene in three dimensions.
+    """View a ride, several rides by name over the same ground, or a scene.
 
-    Args:
-        rides: one ride; or several by name over the same ground, of which all but the
-            first are ghosts; or a scene.
-        title: title of the page.
+    All rides but the first are ghosts.
     """
     return View(rides if isinstance(rides, Scene) else rides_scene(rides), title)

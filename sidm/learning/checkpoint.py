@@ -32,12 +32,9 @@ class CheckpointError(DataError):
 def write(
     folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]
 ) -> None:
-    """Write the checkpoint of `folder`; it replaces the previous one.
+    """Write the checkpoint of `folder`, tensors and values of plain JSON types.
 
-    Args:
-        folder: where the checkpoint lies.
-        tensors: of any shapes, by name.
-        values: of plain JSON types, by name.
+    It replaces the previous one.
     """
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
     arrays[TEXT] = np.frombuffer(json.dumps(values).encode(), np.uint8)
@@ -45,15 +42,7 @@ def write(
 
 
 def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
-    """Read the checkpoint of `folder`.
-
-    Returns:
-        The tensors and values that `write` was given; None where there is no
-        checkpoint.
-
-    Raises:
-        CheckpointError: the file is damaged.
-    """
+    """The tensors and values that `write` was given; None without a checkpoint."""
     path = Path(folder) / FILE
     try:
         arrays = read_arrays(path)
@@ -65,20 +54,6 @@ def read(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
             f"{path}: the checkpoint is damaged ({error}); delete it to start afresh"
         ) from None
     return {name: torch.from_numpy(array) for name, array in arrays.items()}, values
-
-
-def strip_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors named 'prefix/name', by name; the others are left out."""
-    return {
-        name[len(prefix) + 1 :]: tensor
-        for name, tensor in tensors.items()
-        if name.startswith(f"{prefix}/")
-    }
-
-
-def add_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """All `tensors`, renamed to 'prefix/name'."""
-    return {f"{prefix}/{name}": tensor for name, tensor in tensors.items()}
 
 
 def digest(tensors: Iterable[Tensor]) -> str:

@@ -57,18 +57,10 @@ def features(
     mean: Tensor | float = 0.0,
     std: Tensor | float = 1.0,
 ) -> Tensor:
-    """Features of maps, followed by the other numbers of the inputs.
+    """Features of R x R pixels, R = P - 6, with the C channels innermost; then numbers.
 
-    Args:
-        layers: the two convolutions, each followed by a leaky ReLU.
-        maps: (N, P, P), m, without a gradient.
-        numbers: (N, X), without a gradient.
-        mean: mean of the maps' standardisation, m.
-        std: standard deviation of the maps' standardisation, m.
-
-    Returns:
-        (N, R R C + X): features of R x R pixels, R = P - 6, with the C channels
-        innermost; then the numbers.
+    Maps (N, P, P), m, and numbers (N, X) give (N, R R C + X). `mean` and `std` are the
+    maps' standardisation, m.
     """
     first, second, slope = layers[0], layers[2], layers[1].negative_slope
     constants = slope, float(mean), float(std)

@@ -165,18 +165,6 @@ def load_windows(
     The maps are computed once, written beside the shards and read by memory map, so
     that processes share them: a step takes 96 bytes of memory, and 2 P^2 bytes of a
     file.
-
-    Args:
-        root: folder of all collections.
-        collection: names the drives.
-        which: how many drives, the first ones; or their indices.
-        terrain: terrain of the drives.
-        pixels: P, pixels along a side of the maps, unless the body gives this number.
-        body: what the networks see of the robot.
-
-    Raises:
-        ShardError: a shard is missing or damaged, or a terrain cannot be made again as
-            it was; the message is one line.
     """
     drives = load(Path(root), collection, which, terrain)
     pixels = body.pixels(pixels)
@@ -212,11 +200,8 @@ def encode_windows(
 ) -> Windows:
     """Motion of one body as the networks see it.
 
-    Args:
-        body: says what states and actions are made of.
-        states: (N, T + 1, S).
-        actions: (N, T, A).
-        maps: (N, T, P, P), m; None for a body without a map.
+    States are (N, T + 1, S), actions (N, T, A), maps (N, T, P, P), m, None for a body
+    without a map.
     """
     inputs = observation.encode_inputs(states[:, :-1], actions, body)
     targets = observation.transition(states[:, :-1], states[:, 1:], body)

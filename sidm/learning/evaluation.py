@@ -42,16 +42,9 @@ def validation_loss(
     role: str = "novice",
     weights: Tensor | None = None,
 ) -> Tensor:
-    """The terms of equation (1), each averaged over all steps of the windows.
+    """The terms of equation (1), (Y,) float64, each averaged over all steps.
 
-    Args:
-        model: the trained model.
-        windows: of one system.
-        role: that system.
-        weights: (Y,), factors of the terms; by default those of the model's training.
-
-    Returns:
-        Mean terms (Y,), float64; their sum is the loss.
+    `weights` (Y,) are factors of the terms, by default those of the model's training.
     """
     batches = _terms(model, windows, role, weights)
     totals = (terms.double().sum((0, 1)).cpu() for terms in batches)
@@ -176,9 +169,6 @@ def rollout_errors(
     Returns:
         Distances between positions, m, and absolute differences of headings, rad in
         [0, pi], each (..., K), without the start.
-
-    Raises:
-        ValueError: the shapes differ or are not shapes of states.
     """
     shape, size = predicted.shape, len(body.state)
     if shape != actual.shape or len(shape) < 2 or shape[-1] != size:

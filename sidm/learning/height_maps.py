@@ -23,11 +23,7 @@ MAPS_AT_A_TIME = 64  # drives whose maps are in memory while a file is written
 
 
 def drive_maps(drive: Drive, pixels: int, body: Body) -> np.ndarray:
-    """Maps (T, P, P), float16, in m, as `body` sees them at the start of each step.
-
-    Raises:
-        ConfigError: the drive has no ground.
-    """
+    """Maps (T, P, P), float16, in m, as `body` sees them at the start of each step."""
     ground = drive.ground
     if ground is None:
         raise ConfigError(
@@ -47,10 +43,6 @@ def cached_maps(path: Path, drives: Sequence[Drive], pixels: int, body: Body) ->
     """Maps (N, T, P, P), float16, in m, of N drives, from the file at `path`.
 
     The file is written where it is missing. The maps stay in it until they are used.
-
-    Raises:
-        ShardError: the file is damaged or its maps have another shape; the message is
-            one line.
     """
     shape = (len(drives), len(drives[0]), pixels, pixels)
     with locked(path):

@@ -23,9 +23,6 @@ def prediction_loss(
 
     Returns:
         Losses (...), one for each sample.
-
-    Raises:
-        ValueError: the shapes differ.
     """
     return component_losses(predicted, target, weights).sum(-1)
 
@@ -33,16 +30,7 @@ def prediction_loss(
 def component_losses(
     predicted: Tensor, target: Tensor, weights: Tensor | None = None
 ) -> Tensor:
-    """The terms (..., Y) of the sum in equation (1).
-
-    Args:
-        predicted: y' (..., Y), raw units.
-        target: y (..., Y), raw units.
-        weights: (Y,), factors of the squares; 1 by default.
-
-    Raises:
-        ValueError: the shapes differ.
-    """
+    """The terms (..., Y) of the sum in equation (1), see `prediction_loss`."""
     if predicted.shape != target.shape:
         shapes = f"predicted {tuple(predicted.shape)} and target {tuple(target.shape)}"
         raise ValueError(f"{shapes} must have one shape")

@@ -131,16 +131,9 @@ class DynamicsModel(Predictor):
     def losses(
         self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]
     ) -> dict[str, Tensor]:
-        """Equation (1) for each sample of several systems' windows.
+        """Equation (1) for each sample, (B, T), of several systems' windows, by system.
 
-        The SIDM sees the latents of all systems as one batch.
-
-        Args:
-            batch: windows by system.
-            latents: latent state-actions (B, T, latent) of these windows by system.
-
-        Returns:
-            Losses (B, T) by system.
+        The SIDM sees the latents (B, T, latent) of all systems as one batch.
         """
         transitions, _ = self.sidm(torch.cat(list(latents.values())))
         parts = transitions.split([len(windows) for windows in batch.values()])

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from sidm.body import ROVER, Body
 from sidm.learning import convolution
+from sidm.learning.observation import require_shape
 from sidm.learning.seeds import derive
 from sidm.learning.units import Standardisation, divisor, loss_weights
 from sidm.learning.weights import (
@@ -80,12 +81,9 @@ class Encoder(nn.Module):
         Returns:
             Latents (B, T, latent), in the inputs' precision even if the layers compute
             in another one under `torch.autocast`.
-
-        Raises:
-            ValueError: wrong shapes.
         """
-        _require_shape(inputs, ("B", "T", self.size), "inputs")
-        _require_shape(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
+        require_shape(inputs, ("B", "T", self.size), "inputs")
+        require_shape(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
         numbers = (inputs - self.input_mean) / self.input_std
         features = numbers.flatten(0, 1)  # (B T, X)
         if self.pixels:
@@ -137,7 +135,7 @@ class SIDM(nn.Module):
         Returns:
             Latent transitions (B, T, 64), and the memory after the last step.
         """
-        _require_shape(latents, ("B", "T", self.latent), "latents")
+        require_shape(latents, ("B", "T", self.latent), "latents")
         hidden, memory = self.lstm(latents, memory)
         return self.output(hidden), memory
 
@@ -174,8 +172,7 @@ class Decoder(nn.Module):
 
     def forward(self, transitions: Tensor) -> Tensor:
         """State transitions y' (..., Y) of latent state transitions (..., 64)."""
-        shape = *transitions.shape[:-1], self.size
-        _require_shape(transitions, shape, "latent transitions")
+        require_shape(transitions, ("...", self.size), "latent transitions")
         return self.target_mean + self.target_std * self.dense(transitions)
 
 
@@ -193,7 +190,7 @@ class Discriminator(nn.Module):
 
     def logits(self, latents: Tensor) -> Tensor:
         """Logits s (...) of latents (..., 128); A is sigmoid(s)."""
-        _require_shape(latents, (*latents.shape[:-1], self.latent), "latents")
+        require_shape(latents, ("...", self.latent), "latents")
         return self.dense(latents).squeeze(-1)
 
     def forward(self, latents: Tensor) -> Tensor:
@@ -204,13 +201,7 @@ class Discriminator(nn.Module):
 def seeded(seed: int, part: str, build: Callable[[], M]) -> M:
     """Build a module whose initial weights depend on `seed` and `part` alone.
 
-    Args:
-        seed: of the model.
-        part: name of the module in the model.
-        build: makes the module.
-
-    Returns:
-        The module; the global random generator is left as it was.
+    The global random generator is left as it was.
     """
     with torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(derive(seed, part))
@@ -220,15 +211,3 @@ def seeded(seed: int, part: str, build: Callable[[], M]) -> M:
 def parameter_count(module: nn.Module) -> int:
     """Number of a module's parameters."""
     return sum(math.prod(parameter.shape) for parameter in module.parameters())
-
-
-def _require_shape(tensor: Tensor, shape: tuple[int | str, ...], name: str) -> None:
-    """Raise a ValueError unless `tensor` has `shape`; letters are any lengths."""
-    lengths = zip(tensor.shape, shape, strict=False)
-    if tensor.ndim != len(shape) or any(
-        isinstance(wanted, int) and wanted != length for length, wanted in lengths
-    ):
-        expected = ", ".join(map(str, shape))
-        raise ValueError(
-            f"{name} must have shape ({expected}), not {tuple(tensor.shape)}"
-        )

@@ -23,6 +23,8 @@ index  quantity of y                             unit        frame
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -47,12 +49,9 @@ def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor
     Returns:
         Inputs (..., X); 11 for the paper's body: the up direction in the body's frame,
         the twist, and the action.
-
-    Raises:
-        ValueError: wrong shapes.
     """
-    _require_size(states, len(body.state), "states")
-    _require_size(actions, len(body.actions), "actions")
+    require_shape(states, ("...", len(body.state)), "states")
+    require_shape(actions, ("...", len(body.actions)), "actions")
     up = [_up_direction(states)] if body.tilt else []
     return torch.cat([*up, states[..., body.pose_size :], actions], dim=-1)
 
@@ -67,12 +66,9 @@ def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tenso
 
     Returns:
         Transitions (..., Y), raw units, with a quaternion of w >= 0.
-
-    Raises:
-        ValueError: wrong shapes.
     """
-    _require_size(states, len(body.state), "states")
-    _require_size(next_states, len(body.state), "next_states")
+    require_shape(states, ("...", len(body.state)), "states")
+    require_shape(next_states, ("...", len(body.state)), "next_states")
     columns = next_states[..., body.pose_size :]
     if body.pose == "none":
         return columns
@@ -98,12 +94,9 @@ def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor
 
     Returns:
         States (..., S) after the step, with quaternions of length 1.
-
-    Raises:
-        ValueError: wrong shapes.
     """
-    _require_size(states, len(body.state), "states")
-    _require_size(transitions, len(body.targets), "transitions")
+    require_shape(states, ("...", len(body.state)), "states")
+    require_shape(transitions, ("...", len(body.targets)), "transitions")
     columns = transitions[..., body.pose_size :]
     if body.pose == "none":
         return columns
@@ -133,12 +126,9 @@ def convert_to_body(
 
     Returns:
         States (..., S) and actions (..., A).
-
-    Raises:
-        ConfigError: a column or an action that the paper's robots do not have.
     """
-    _require_size(states, STATE_SIZE, "states")
-    _require_size(actions, ACTION_SIZE, "actions")
+    require_shape(states, ("...", STATE_SIZE), "states")
+    require_shape(actions, ("...", ACTION_SIZE), "actions")
     twist, up = states[..., TWIST].unbind(-1), _up_direction(states).unbind(-1)
     columns = dict(zip((name for name, _ in ROVER.columns), twist, strict=True))
     columns |= dict(zip((name.replace(" ", "_") for name in UP), up, strict=True))
@@ -215,19 +205,10 @@ def heading_of(states: Tensor, body: Body = ROVER) -> Tensor:
 
 
 def surface(heights: Tensor, x: Tensor, y: Tensor, spacing: float = 0.1) -> Tensor:
-    """Heights of terrains at points: `sidm.terrain.height_at` for tensors.
+    """Heights (N, K), m, of N terrains (N, H, W) at points x and y (N, K) each, m.
 
-    The surface consists of two triangles in each grid cell, which is cut from corner
-    (0, 1) to corner (1, 0).
-
-    Args:
-        heights: (N, H, W), m, of N terrains.
-        x: (N, K), m, of K points of each terrain.
-        y: (N, K), m.
-        spacing: distance between two points of the grid, m.
-
-    Returns:
-        Heights (N, K), m.
+    It is `sidm.terrain.height_at` for tensors: two triangles in each grid cell, which
+    is cut from corner (0, 1) to corner (1, 0).
     """
     rows, columns = heights.shape[-2:]
     across = (x / spacing + (columns - 1) / 2).clamp(0, columns - 1)
@@ -283,11 +264,21 @@ def _up_direction(states: Tensor) -> Tensor:
     return rotations.rotate_inverse(states[..., QUATERNION], up)
 
 
-def _require_size(tensor: Tensor, size: int, name: str) -> None:
-    """Raise a ValueError unless the last dimension of `tensor` is `size`."""
-    if tensor.ndim == 0 or tensor.shape[-1] != size:
+def require_shape(tensor: Tensor, shape: Sequence[int | str], name: str) -> None:
+    """Raise a ValueError unless `tensor` has a shape; letters are any lengths.
+
+    A shape that begins with '...' is that of the last dimensions.
+    """
+    found, wanted = tuple(tensor.shape), tuple(shape)
+    if wanted[0] == "...":
+        found, wanted = found[1 - len(wanted) :], wanted[1:]
+    if len(found) != len(wanted) or any(
+        isinstance(size, int) and size != length
+        for length, size in zip(found, wanted, strict=True)
+    ):
+        expected = ", ".join(map(str, shape))
         raise ValueError(
-            f"{name} must have shape (..., {size}), not {tuple(tensor.shape)}"
+            f"{name} must have shape ({expected}), not {tuple(tensor.shape)}"
         )
 
 

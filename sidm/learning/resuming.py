@@ -25,26 +25,16 @@ MAX_INTERVAL = 60.0  # s between two checkpoints, however long it takes to write
 
 
 class Checkpoint:
-    """The checkpoint of one training.
-
-    Args:
-        folder: where the checkpoint lies; None: nothing is written.
-    """
+    """The checkpoint of one training in a folder; of None nothing is written."""
 
     def __init__(self, folder: str | Path | None) -> None:
         self.folder = None if folder is None else Path(folder)
         self._last_time, self._cost = -math.inf, 0.0  # s
 
     def restore(self, trainer: Trainer) -> bool:
-        """Put a trainer into the state of the checkpoint, if there is one.
+        """Put a trainer into the state of the checkpoint, and say whether there is one.
 
         On one thread the training continues bit for bit.
-
-        Returns:
-            Whether there was a checkpoint.
-
-        Raises:
-            CheckpointError: the checkpoint is damaged or of another run.
         """
         stored = None if self.folder is None else checkpoint.read(self.folder)
         if stored is None:
@@ -76,11 +66,7 @@ class Checkpoint:
 
 
 def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """All parts of a trainer that change during training.
-
-    Returns:
-        Tensors by path, and values of plain JSON types by name.
-    """
+    """Tensors by path, and plain JSON values, of all that changes during training."""
     groups = {
         "model": checkpoint.module_tensors(trainer.model),
         "discriminator": checkpoint.module_tensors(trainer.discriminator),
@@ -91,9 +77,11 @@ def state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
         groups[name] = checkpoint.optimiser_tensors(optimiser)
     for number, hook in enumerate(trainer.hooks):
         groups[f"hook {number}"] = hook.tensors()
-    tensors: dict[str, Tensor] = {}
-    for group, members in groups.items():
-        tensors |= checkpoint.add_prefix(group, members)
+    tensors = {
+        f"{group}/{name}": tensor
+        for group, members in groups.items()
+        for name, tensor in members.items()
+    }
     return tensors, {
         "stopping": dataclasses.asdict(trainer.stopping),
         "history": [list(point) for point in trainer.history],
@@ -112,7 +100,12 @@ def load_state(
     """Put a trainer into the state that `state` gave."""
 
     def group(name: str) -> dict[str, Tensor]:
-        return checkpoint.strip_prefix(name, tensors)
+        start = f"{name}/"
+        return {
+            n.removeprefix(start): t
+            for n, t in tensors.items()
+            if n[: len(start)] == start
+        }
 
     trainer.model.load_state_dict(group("model"))
     trainer.discriminator.load_state_dict(group("discriminator"))
@@ -122,9 +115,8 @@ def load_state(
     for name, optimiser in trainer.optimisers().items():
         checkpoint.load_optimiser(optimiser, group(name))
     if trainer.training.zero_gradients:
-        for (
-            parameter
-        ) in trainer.prediction_optimiser.state:  # those that have had a gradient
+        # those that have had a gradient
+        for parameter in trainer.prediction_optimiser.state:
             parameter.grad = torch.zeros_like(parameter)
     for number, hook in enumerate(trainer.hooks):
         hook.restore(group(f"hook {number}"), values["iteration"])

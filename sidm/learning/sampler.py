@@ -32,11 +32,9 @@ class Sampler:
         one_curve: whether the learning curve has the losses of all systems; otherwise
             it has the novice's.
 
-    Args:
-        datasets: the windows to learn from.
-        training: says how batches are drawn.
-        seed: of all draws.
-        device: the device that batches are copied to.
+    Attributes:
+        one_curve: whether the learning curve has the losses of all systems; otherwise
+            it has the novice's.
     """
 
     one_curve = False

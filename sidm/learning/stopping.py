@@ -90,11 +90,7 @@ class EarlyStopping:
     def update(
         self, samples: int, iteration: int, training_loss: float, test_loss: float
     ) -> bool:
-        """Add the losses of a test.
-
-        Returns:
-            Whether the smoothed test loss is the lowest so far.
-        """
+        """Add the losses of a test, and say whether its smoothed loss is the lowest."""
         weight = RELEASED_SMOOTHING if self.rule == "released" else self.smoothing
         self.test_loss = _smooth(self.test_loss, test_loss, weight)
         self.training_loss = _smooth(self.training_loss, training_loss, weight)
@@ -158,11 +154,7 @@ class KeptWeights(NamedTuple):
 
 
 def kept_weights(curve: Curve, rule: StoppingRule) -> KeptWeights:
-    """The weights that a training would have kept if `rule` had stopped it.
-
-    Raises:
-        ValueError: the training was never tested.
-    """
+    """The weights that a training would have kept if `rule` had stopped it."""
     stopper, best, last, ended = rule.early_stopping(), None, 0, False
     tests = zip(curve.samples, curve.training_loss, curve.test_loss, strict=True)
     for number, (samples, training_loss, test_loss) in enumerate(tests):
@@ -188,9 +180,6 @@ def kept_after(
 
     This is `kept_weights` with each of the `lengths` as the `max_samples` of a rule
     without patience, in one pass.
-
-    Raises:
-        ValueError: a length ends before the first test.
     """
     smoothed: list[float] = []
     best: list[int] = []  # test with the lowest smoothed loss so far

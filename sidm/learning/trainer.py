@@ -50,14 +50,9 @@ class Hook:
     def auxiliary_loss(
         self, trainer: Trainer, latents: Mapping[str, Tensor]
     ) -> Tensor | None:
-        """A loss that is added to a batch's loss in Algorithm 1.
+        """A loss, a scalar, that is added to a batch's in Algorithm 1, or None.
 
-        Args:
-            trainer: the model in training.
-            latents: latent state-actions (B, T, latent) of the batch, by system.
-
-        Returns:
-            A scalar, or None.
+        Latent state-actions (B, T, latent) of the batch are given by system.
         """
         return None
 
@@ -99,10 +94,6 @@ class Trainer:
         test_loss: computes the loss that training stops by, from a model and the test
             split; by default the mean of equation (1).
         with_validation: whether to measure validation losses, and losses by component.
-
-    Raises:
-        ConfigError: the settings do not fit each other, or need data of the expert that
-            are not there.
     """
 
     def __init__(
@@ -211,11 +202,7 @@ class Trainer:
     def step_prediction(self, loss: Tensor, latents: Mapping[str, Tensor]) -> None:
         """Take one step down the gradient of a batch's `loss` (Algorithm 1).
 
-        Hooks may add other losses to it.
-
-        Args:
-            loss: scalar.
-            latents: latent state-actions (B, T, latent) of the batch, by system.
+        Hooks may add other losses to it, from the batch's latents (B, T, latent).
         """
         self._clear_gradients()
         for hook in self.hooks:
@@ -247,15 +234,9 @@ class Trainer:
         )
 
     def discriminate(self, latents: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """The logits of A for latents.
+        """Logits (B, T) of A by '<system>_logits', from latents (B, T, latent).
 
         The share that A classifies correctly is kept as `accuracy`.
-
-        Args:
-            latents: latent state-actions (B, T, latent) by system.
-
-        Returns:
-            Logits (B, T) by '<system>_logits'.
         """
         logits, correct = {}, []
         for role, latent in latents.items():
@@ -295,12 +276,6 @@ class Trainer:
         """Measure the test loss, and keep the weights if it is the lowest so far.
 
         The smoothed test losses are compared.
-
-        Args:
-            progress: called with the new point of the learning curve.
-
-        Returns:
-            The new point of the learning curve.
         """
         with contextlib.ExitStack() as stack:
             for hook in self.hooks:
@@ -330,18 +305,10 @@ class Trainer:
         return Components(self.samples, tuple(test), tuple(validation))
 
     def add_test(self, test_loss: float, validation: float | None = None) -> bool:
-        """Add a point to the learning curve.
+        """Add a point to the learning curve, and say whether it is the lowest.
 
-        Args:
-            test_loss: not smoothed.
-            validation: the validation loss, if it was measured.
-
-        Returns:
-            Whether the smoothed test loss is the lowest so far.
-
-        Raises:
-            TrainingError: the test or the training loss is not finite; the point is not
-                added.
+        The smoothed losses are compared. A test or training loss that is not finite
+        raises TrainingError; the point is then not added.
         """
         total, count = self.losses["novice"]
         if not count:

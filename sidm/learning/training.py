@@ -173,8 +173,7 @@ def discriminator_iteration(trainer: Trainer) -> None:
 def matching_iteration(trainer: Trainer) -> float:
     """Take one step of the novice's encoder E_n alone, with equation (4).
 
-    Returns:
-        The loss before the step.
+    The loss is that before the step.
     """
     latents = trainer.encode("novice", trainer.sampler.matching_batch())
     loss = expected_matching_loss(trainer.discriminator.logits(latents))

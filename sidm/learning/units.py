@@ -70,9 +70,6 @@ def default_units(datasets: Datasets, network: Network) -> Units:
 
     Two robots with the paper's body share the units of the expert's data; otherwise
     each system has the units of its own data.
-
-    Raises:
-        ConfigError: the expert's data are needed and are not there.
     """
     if network.body("novice") == network.body("expert") == ROVER:
         if datasets.expert is None:

@@ -67,12 +67,7 @@ def trainable_parameters(module: nn.Module) -> list[nn.Parameter]:
 
 
 def make_optimiser(module: nn.Module, training: Training) -> torch.optim.Optimizer:
-    """Adam with decoupled weight decay (section 4) or the released code's L2 penalty.
-
-    Args:
-        module: the module whose trainable parameters the optimiser steps.
-        training: gives the kind of decay, its strength, and the learning rate.
-    """
+    """Adam with decoupled weight decay (section 4), or the released L2 penalty."""
     adam = torch.optim.AdamW if training.decay == "decoupled" else torch.optim.Adam
     return adam(
         trainable_parameters(module),

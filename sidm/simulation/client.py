@@ -13,9 +13,6 @@ def bullet() -> Any:
     """The module PyBullet, imported without the line that it prints.
 
     PyBullet writes that line to standard error in every process and notebook.
-
-    Raises:
-        ImportError: PyBullet is not installed; the message is one line.
     """
     stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)

@@ -83,11 +83,7 @@ class EpisodeRules:
 def draw_attempt(
     collection: Collection, index: int, number: int
 ) -> tuple[int, float, np.ndarray]:
-    """Draw ground, heading and actions of attempt `number` at trajectory `index`.
-
-    Returns:
-        The terrain's seed, the yaw at the start, rad, and the actions (64, 2).
-    """
+    """Ground's seed, yaw, rad, and actions (64, 2) of an attempt at a trajectory."""
     names = (collection.system, collection.role, collection.policy)
     key = [zlib.crc32(name.encode()) for name in names]
     rng = np.random.default_rng(
@@ -105,11 +101,7 @@ def simulate_attempt(
     index: int,
     number: int,
 ) -> tuple[Drive | None, str | None]:
-    """Simulate attempt `number` at trajectory `index` of a collection.
-
-    Returns:
-        The drive and None, or None and the cause for which the attempt is discarded.
-    """
+    """An attempt's drive and None, or None and the cause for which it is discarded."""
     terrain_seed, yaw, actions = draw_attempt(collection, index, number)
     heights = generate_terrain(system.terrain, terrain_seed)
     simulator.set_terrain(heights)
@@ -137,13 +129,7 @@ def _simulator(system: System, role: str) -> Simulator:
 
 
 def system_of(collection: Collection, system: System | None) -> System:
-    """The system of a collection: the given one, or the known one of that name.
-
-    Raises:
-        ConfigError: the given system has another name than the collection, or the name
-            belongs to a known system with other values, or no system is given and the
-            name is not known.
-    """
+    """The system of a collection: the given one, or the known one of that name."""
     if system is None:
         return find_system(collection.system)
     name = system.name
@@ -163,23 +149,9 @@ def system_of(collection: Collection, system: System | None) -> System:
 def simulate_trajectory(
     collection: Collection, index: int, system: System | None = None
 ) -> Drive:
-    """Simulate trajectory `index` of a collection.
+    """Simulate trajectory `index`, the first attempt that lasts 64 control steps.
 
-    The trajectory is the first attempt that lasts 64 control steps.
-
-    Args:
-        collection: the collection that the trajectory belongs to.
-        index: number of the trajectory.
-        system: robots and ground; by default the known system of the collection's
-            name. For a role that is neither 'novice' nor 'expert', the system's expert
-            is the robot.
-
-    Returns:
-        The drive, with the number of discarded attempts for each cause.
-
-    Raises:
-        ConfigError: see `system_of`.
-        RuntimeError: all of MAX_ATTEMPTS attempts ended early.
+    For a role that is neither 'novice' nor 'expert', the system's expert is the robot.
     """
     system = system_of(collection, system)
     role = collection.role if collection.role in ROLES else "expert"
@@ -200,11 +172,7 @@ def simulate_trajectory(
 def make_shard(
     root: Path, collection: Collection, number: int, system: System | None = None
 ) -> int:
-    """Simulate and write shard `number` of a collection under the data folder `root`.
-
-    Returns:
-        How many trajectories the shard holds.
-    """
+    """Simulate and write shard `number`; returns how many trajectories it holds."""
     indices = range(SHARD_SIZE * number, SHARD_SIZE * (number + 1))
     write_shard(
         collection.shard(root, number),

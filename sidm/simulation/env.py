@@ -104,14 +104,7 @@ class Rover(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Drop the robot on new ground.
-
-        Args:
-            seed: of the random numbers for ground and heading.
-            options: see the class.
-
-        Returns:
-            The observation, and the info with the state (13,).
+        """Drop the robot on new ground; `options` as the class says.
 
         Raises:
             ValueError: an option is unknown.
@@ -149,11 +142,7 @@ class Rover(gymnasium.Env):
     def step(
         self, action: np.ndarray
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for 0.1 s by an action (throttle, steering), (2,).
-
-        Returns:
-            Observation, reward 0, terminated, truncated, info.
-        """
+        """Drive for 0.1 s by an action (throttle, steering), (2,); the reward is 0."""
         state = self.simulator.step(action)
         cause = self._rules.ended(state)
         terminated, truncated = cause not in (None, "border"), cause == "border"
@@ -239,15 +228,7 @@ class ReachPoint(gymnasium.Wrapper):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode and draw its goal.
-
-        Args:
-            seed: see `Rover.reset`; the goal is random too.
-            options: see `Rover`.
-
-        Returns:
-            The observation, and the info with ``goal`` (2,), its place in the world, m.
-        """
+        """Begin an episode and draw its goal, whose place (2,), m, the info has."""
         observation, info = self.env.reset(seed=seed, options=options)
         rng = self.env.unwrapped.np_random
         self._distance = rng.uniform(self.nearest, self.farthest)
@@ -260,11 +241,7 @@ class ReachPoint(gymnasium.Wrapper):
     def step(
         self, action: np.ndarray
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for 0.1 s by an action (throttle, steering), (2,).
-
-        Returns:
-            Observation, reward, terminated, truncated, info.
-        """
+        """Drive for 0.1 s by an action (throttle, steering), (2,)."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         # if the simulation failed, the robot keeps its last position
         if np.isfinite(info["state"]).all():

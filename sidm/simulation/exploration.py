@@ -82,9 +82,6 @@ def draw_actions(policy: str, steps: int, rng: np.random.Generator) -> np.ndarra
 
     Returns:
         Actions (steps, 2), each (throttle, steering) in [-1, 1].
-
-    Raises:
-        ConfigError: no policy has that name.
     """
     if policy not in POLICIES:
         raise unknown_name(policy, POLICIES, kind="exploration policy")

@@ -30,15 +30,7 @@ def film(simulator: Simulator, actions: np.ndarray, **view: Any) -> np.ndarray:
 
 
 def gif(frames: np.ndarray, seconds: float = 0.1) -> bytes:
-    """Pack pictures into an animated GIF that repeats.
-
-    Args:
-        frames: (T, height, width, 3), uint8.
-        seconds: how long each picture is shown, s.
-
-    Returns:
-        The content of the GIF file.
-    """
+    """An animated GIF that repeats frames (T, height, width, 3), uint8."""
     # this method keeps rare colours, and dithering would enlarge the file
     octree, plain = Image.Quantize.FASTOCTREE, Image.Dither.NONE
     images = [

@@ -25,14 +25,7 @@ class HeightField:
     def __init__(
         self, client: Client, heights: np.ndarray, physics: Physics, visible: bool
     ) -> None:
-        """Build the body.
-
-        Args:
-            client: the connection to Bullet.
-            heights: (H, W), m.
-            physics: constants of the contacts.
-            visible: whether pictures show the ground.
-        """
+        """Build the body."""
         self._client, self._visible = client, visible
         self.heights = _checked(heights)
         # Bullet keeps the bounds of the heights that a shape is built with. These
@@ -85,12 +78,7 @@ class HeightField:
         client.setCollisionFilterGroupMask(picture, -1, 0, 0)
 
     def replace(self, heights: np.ndarray) -> None:
-        """Replace the heights by others (H, W), m, of the same shape.
-
-        Raises:
-            ValueError: the shape differs, a height is not finite or too large, or the
-                ground is visible.
-        """
+        """Replace the heights by others (H, W), m, of the same shape."""
         heights = _checked(heights)
         if self._visible or heights.shape != self.heights.shape:
             where = " where it is visible" if self._visible else ""
@@ -102,13 +90,9 @@ class HeightField:
         self._height_field(heights, replaceHeightfieldIndex=self._shape)
 
     def ray_heights(self, points: np.ndarray) -> np.ndarray:
-        """Heights where vertical rays meet the ground.
+        """Heights (N,), m, where vertical rays at points (N, 2), m, meet the ground.
 
-        Args:
-            points: (N, 2), m, x and y of the rays.
-
-        Returns:
-            Heights (N,), m; NaN where a ray misses the ground or hits the robot.
+        They are NaN where a ray misses the ground or hits the robot.
         """
         top, bottom = self.heights.max() + 1, self.heights.min() - 1
         batches = -(-len(points) // self._client.MAX_RAY_INTERSECTION_BATCH_SIZE)

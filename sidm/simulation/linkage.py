@@ -83,12 +83,7 @@ def rods(axle: str) -> np.ndarray:
 
 
 def _lengths(ends: np.ndarray, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Lengths (6,), m, of rods, and their derivatives (6, 6) by a twist (w, v).
-
-    Args:
-        ends: (6, 2, 3), m, as of `rods`.
-        pose: the axle's.
-    """
+    """Lengths (6,), m, of rods, and their derivatives (6, 6) by a twist (w, v)."""
     points = pose.place(ends[:, 0])
     outward = points - ends[:, 1]
     length = np.linalg.norm(outward, axis=1)
@@ -102,10 +97,6 @@ def twists(axle: str, pose: Pose) -> np.ndarray:
     A twist (w, v) lengthens a rod with unit vector u at the axle's point p by
     u . (v + w x p). Four rods keep their length and the two struts shorten at given
     rates: six equations for the six numbers.
-
-    Args:
-        axle: 'rear' or 'front'.
-        pose: the axle's, from which it moves.
     """
     _, lengthening = _lengths(rods(axle), pose)
     return np.linalg.solve(lengthening, -np.eye(6)[:, 4:]).T
@@ -117,9 +108,6 @@ def axle_pose(axle: str, travel: tuple[float, float]) -> Pose:
     Args:
         axle: 'rear' or 'front'.
         travel: of the right and the left strut, m.
-
-    Raises:
-        ValueError: the links do not allow this travel.
     """
     ends = rods(axle)
     wanted = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
@@ -156,9 +144,6 @@ def axle_joints(axle: str, lower: float, upper: float) -> AxleJoints:
         axle: 'rear' or 'front'.
         lower: least travel of the struts, m.
         upper: greatest travel of the struts, m.
-
-    Raises:
-        ValueError: the travel goes beyond REACH.
     """
     if lower < REACH[0] or upper > REACH[1]:
         raise ValueError(
@@ -197,11 +182,7 @@ def axle_joints(axle: str, lower: float, upper: float) -> AxleJoints:
 
 
 def _line(twist: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """The line about which a twist (6,) without pitch turns.
-
-    Returns:
-        The line's unit vector (3,), its point nearest to the origin (3,), and |w|.
-    """
+    """A line's unit vector (3,), its point nearest to the origin (3,), and |w|."""
     turn, shift = twist[:3], twist[3:]
     rate = float(np.linalg.norm(turn))
     return turn / rate, np.cross(turn, shift) / rate**2, rate

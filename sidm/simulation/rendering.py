@@ -41,14 +41,7 @@ class DrawnRods:
         axles: Mapping[str, int],
         suspensions: Mapping[str, Suspension],
     ) -> None:
-        """Make the shapes.
-
-        Args:
-            client: the connection to Bullet.
-            body: number of the robot in Bullet.
-            axles: number of the link that is the 'rear' or the 'front' axle.
-            suspensions: of the 'rear' and the 'front' axle.
-        """
+        """Make the shapes."""
         self._client, self._body, self._axles = client, body, axles
         # ends on the axle, in the axle's frame, and on the chassis: links, then struts,
         # (6, 3) each

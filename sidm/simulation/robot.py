@@ -11,29 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sidm.simulation.dimensions import (
-    AXLE_MASS,
-    AXLES,
-    CHASSIS_INERTIA,
-    CHASSIS_MASS,
-    CHASSIS_SIZE,
-    FRONT_LEFT_KINGPIN,
-    HUB_MASS,
-    KINGPIN_AXIS,
-    LOWER_LINK_MASS,
-    REAR_AXLE,
-    REAR_LEFT_HUB,
-    REAR_LEFT_RODS,
-    REAR_LEFT_TYRE,
-    SIDES,
-    STRUT_MASS,
-    TYRE_INERTIA,
-    TYRE_MASS,
-    TYRE_RADIUS,
-    TYRE_WIDTH,
-    UPPER_LINK_MASS,
-    mirror,
-)
+from sidm.simulation import dimensions as sizes
+from sidm.simulation.dimensions import AXLES, SIDES, mirror
 from sidm.simulation.linkage import AxleJoints
 from sidm.simulation.suspension import Suspension
 from sidm.systems import Robot
@@ -44,7 +23,7 @@ TYRE_COLOUR = "0.25 0.25 0.27"
 AXLE_COLOUR = "0.55 0.55 0.58"
 
 #: kg, links and struts of one axle
-LINKAGE_MASS = 2 * (LOWER_LINK_MASS + UPPER_LINK_MASS + STRUT_MASS)
+LINKAGE_MASS = 2 * (sizes.LOWER_LINK_MASS + sizes.UPPER_LINK_MASS + sizes.STRUT_MASS)
 
 # Names of the robot's joints.
 HEAVES = tuple(f"{axle}_heave" for axle in AXLES)
@@ -76,15 +55,9 @@ def _link(
 ) -> str:
     """A URDF link whose frame is parallel to the body's.
 
-    Args:
-        name: of the link.
-        mass: kg.
-        centre: (3,), m, the link's centre of mass in its frame.
-        inertia: (3,), kg m^2, about the centre of mass; 0 for parts that have none in
-            the released simulator.
-        shape: a URDF shape from its origin's rotation on; '': the link is not shown.
-        colour: red, green and blue.
-        solid: whether the shape touches others; else it is for pictures only.
+    Mass is in kg, the centre of mass (3,) in m, inertia (3,) about it in kg m^2, 0 for
+    parts that have none in the released simulator. `shape` is a URDF shape from its
+    origin's rotation on; a part that is not `solid` is for pictures only.
     """
     ixx, iyy, izz = inertia
     origin = f'<origin xyz="{_numbers(centre)}"'
@@ -115,8 +88,10 @@ def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
     scale, joints = robot.mass_scale, suspension.joints
     heave, roll, place = joints.heave_point, joints.roll_point, joints.pose.place
     # links and struts are one part, at their mean point, that moves with the heave
-    links = place(mirror(axle, "left") * REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1))
-    middle = place(mirror(axle, "left") * REAR_AXLE)
+    links = place(
+        mirror(axle, "left") * sizes.REAR_LEFT_RODS.mean(axis=(0, 1)) * (1, 0, 1)
+    )
+    middle = place(mirror(axle, "left") * sizes.REAR_AXLE)
     stops = [joints.heave_angle(x) for x in (robot.travel_lower, robot.travel_upper)]
     limits = (
         f'<limit lower="{min(stops):.9g}" upper="{max(stops):.9g}" '
@@ -135,7 +110,7 @@ def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
         ),
         _link(
             name,
-            scale * AXLE_MASS,
+            scale * sizes.AXLE_MASS,
             middle - roll,
             shape=shape,
             colour=AXLE_COLOUR,
@@ -150,37 +125,46 @@ def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
 def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints) -> list[str]:
     """Hub and tyre of one wheel; a front hub turns about its kingpin."""
     scale, signs, place = robot.mass_scale, mirror(axle, side), joints.pose.place
-    centre, tyre = place(signs * REAR_LEFT_HUB), place(signs * REAR_LEFT_TYRE)
+    centre, tyre = (
+        place(signs * sizes.REAR_LEFT_HUB),
+        place(signs * sizes.REAR_LEFT_TYRE),
+    )
     if axle == "front":
-        kind, pivot = "continuous", place(FRONT_LEFT_KINGPIN * (1, signs[1], 1))
+        kind, pivot = "continuous", place(sizes.FRONT_LEFT_KINGPIN * (1, signs[1], 1))
     else:
         kind, pivot = "fixed", centre
     origin = pivot - joints.roll_point
-    axis = joints.pose.rotation @ KINGPIN_AXIS / np.linalg.norm(KINGPIN_AXIS)
+    axis = (
+        joints.pose.rotation @ sizes.KINGPIN_AXIS / np.linalg.norm(sizes.KINGPIN_AXIS)
+    )
     name = f"{axle}_{side}"
     hub, wheel, spin = f"{name}_hub", f"{name}_tyre", (0, 1, 0)
-    inertia = tuple(scale * moment for moment in TYRE_INERTIA)
-    shape = _cylinder(TYRE_RADIUS, TYRE_WIDTH)
+    inertia = tuple(scale * moment for moment in sizes.TYRE_INERTIA)
+    shape = _cylinder(sizes.TYRE_RADIUS, sizes.TYRE_WIDTH)
     return [
         _joint(f"{name}_kingpin", kind, f"{axle}_axle", hub, origin, axis),
-        _link(hub, scale * HUB_MASS, centre - pivot),
+        _link(hub, scale * sizes.HUB_MASS, centre - pivot),
         _joint(f"{name}_wheel", "continuous", hub, wheel, tyre - pivot, spin),
-        _link(wheel, scale * TYRE_MASS, (0, 0, 0), inertia, shape),
+        _link(wheel, scale * sizes.TYRE_MASS, (0, 0, 0), inertia, shape),
     ]
 
 
 def urdf(robot: Robot, suspensions: Mapping[str, Suspension]) -> str:
-    """The robot as URDF text.
+    """The robot as URDF text, from the suspensions of its 'rear' and 'front' axle.
 
     HEAVES, ROLLS, WHEELS and KINGPINS are the names of its joints.
-
-    Args:
-        robot: the robot's parameters.
-        suspensions: of its 'rear' and its 'front' axle.
     """
-    box = f'rpy="0 0 0"/><geometry><box size="{_numbers(CHASSIS_SIZE)}"/></geometry>'
+    size = _numbers(sizes.CHASSIS_SIZE)
+    box = f'rpy="0 0 0"/><geometry><box size="{size}"/></geometry>'
     parts = [
-        _link("chassis", CHASSIS_MASS, (0, 0, 0), CHASSIS_INERTIA, box, CHASSIS_COLOUR)
+        _link(
+            "chassis",
+            sizes.CHASSIS_MASS,
+            (0, 0, 0),
+            sizes.CHASSIS_INERTIA,
+            box,
+            CHASSIS_COLOUR,
+        )
     ]
     for axle in AXLES:
         parts += _axle(robot, axle, suspensions[axle])

@@ -128,17 +128,10 @@ class Simulator:
             self._rods = DrawnRods(client, self._body, axles, self._suspensions)
 
     def set_terrain(self, heights: np.ndarray) -> None:
-        """Replace the terrain; call `reset` next.
+        """Replace the terrain by heights (H, W), m, of one shape; call `reset` next.
 
         It takes a third of the time of building a new Simulator. The motion that
         follows is that of a new Simulator, bit for bit.
-
-        Args:
-            heights: (H, W), m, of the same shape as before.
-
-        Raises:
-            ValueError: the shape differs, a height is not finite or too large, or the
-                simulator is visible.
         """
         self._restart()
         self._ground.replace(heights)
@@ -266,13 +259,9 @@ class Simulator:
         return np.array([joint[0] for joint in states])
 
     def ray_heights(self, points: np.ndarray) -> np.ndarray:
-        """Heights where vertical rays meet the ground.
+        """Heights (N,), m, where vertical rays at points (N, 2), m, meet the ground.
 
-        Args:
-            points: (N, 2), m, x and y of the rays.
-
-        Returns:
-            Heights (N,), m; NaN where a ray misses the ground or hits the robot.
+        They are NaN where a ray misses the ground or hits the robot.
         """
         return self._ground.ray_heights(points)
 
@@ -317,11 +306,7 @@ class Simulator:
         return np.asarray(pixels, np.uint8).reshape(height, width, 4)[..., :3]
 
     def save(self) -> tuple[int, list[float]]:
-        """Save the present moment of this simulator.
-
-        Returns:
-            A token for `restore`. It takes memory until `forget` is called with it.
-        """
+        """A token for `restore`; it takes memory until `forget` is called with it."""
         slips = [suspension.slip for suspension in self._suspensions.values()]
         return self._client.saveState(), slips
 

@@ -111,12 +111,9 @@ class Suspension:
         self._link_damping = per_strut * law.link_damping
 
     def travel(self, heave_angle: float) -> tuple[float, float]:
-        """Travel of the right and the left strut, m.
+        """Travel of the right and the left strut, m, at a heave angle, rad.
 
         On an axle without heave one strut stays at zero and the other one extends.
-
-        Args:
-            heave_angle: of the heave joint, rad.
         """
         if not self.heave_free:
             return -2 * max(self.slip, 0.0), 2 * min(self.slip, 0.0)
@@ -130,18 +127,9 @@ class Suspension:
         roll_angle: float,
         roll_speed: float,
     ) -> tuple[float, float]:
-        """Torques on the joints for the coming physics step.
+        """Torques, N m, on heave and roll joint for the coming physics step.
 
-        The slip moves on by that step.
-
-        Args:
-            heave_angle: of the heave joint, rad.
-            heave_speed: of the heave joint, rad/s.
-            roll_angle: of the roll joint, rad.
-            roll_speed: of the roll joint, rad/s.
-
-        Returns:
-            Torques on the heave and the roll joint, N m.
+        Angles are in rad, speeds in rad/s. The slip moves on by that step.
         """
         robot, joints = self.robot, self.joints
         middle = joints.mean_travel(heave_angle)
@@ -163,20 +151,11 @@ class Suspension:
     def _move_slip(
         self, roll: float, speed: float, slip_limit: float
     ) -> tuple[float, float]:
-        """Move the slip by one physics step.
+        """Move the slip by one physics step; forces of links and of stop on a strut, N.
 
         The step is implicit: afterwards the force of the links equals the sum of
-        spring, damper, brake and stop.
-
-        Args:
-            roll: of the axle, m of slip.
-            speed: rate of the roll, m/s of slip.
-            slip_limit: how far the slip can go either way until a strut meets its stop,
-                m.
-
-        Returns:
-            The force of the links on each strut, and the force of the stop on the strut
-            that has met it, N.
+        spring, damper, brake and stop. Roll and speed of the axle are in m and m/s of
+        slip; `slip_limit`, m, is how far the slip can go until a strut meets its stop.
         """
         spring, damping, dt = self.robot.spring, self.robot.damping, self._dt
         stiffness, link_damping = self._link_stiffness, self._link_damping

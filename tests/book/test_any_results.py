@@ -97,7 +97,7 @@ def test_the_page_on_extending_works_to_the_letter(project, tmp_path):
     commands = re.findall(r"^companion .*", section, re.MULTILINE)
     assert len(commands) == 7
     own = "-p systems [soft] -p preset smoke -p results _build/soft"
-    for name in ("p-expert-and-phases", "components", "hypotheses"):
+    for name in ("p-expert-and-phases", "latent-space", "choices"):
         commands.append(f"companion notebook {name} _build/{name}.ipynb {own}")
     environment = os.environ | {"PYTHONPATH": str(copy)}
     for command in commands:

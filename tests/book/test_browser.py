@@ -25,7 +25,7 @@ from ownrobot.comparison.statistics import Interval
 from ownrobot.replay import ROBOTS
 
 PHONE = {"width": 375, "height": 800}
-EXPLORER = "book/explorer"
+EXPLORER = "notebooks/01-robots"
 #: options of axe-core: fetch nothing, and describe only violations
 AXE = {"preload": False, "resultTypes": ["violations"]}
 COLOURS = "color-contrast"  # this rule takes most of the time

@@ -5,7 +5,7 @@ import pytest
 from IPython.display import HTML
 from IPython.utils.capture import capture_output
 
-from companion.pages.glue import glue
+from companion.pages.page import glue
 
 
 @pytest.mark.parametrize("thing", [HTML("<p>3</p>"), "text", 2.5])

@@ -66,7 +66,7 @@ def visit(book, context):
         page = context.new_page()
         page.emulate_media(**options)
         problems.append(watched(page))
-        page.goto(address or (book / "book" / "explorer.html").as_uri())
+        page.goto(address or (book / "notebooks" / "01-robots.html").as_uri())
         page.wait_for_selector(wait, state="attached")
         return page
 
@@ -295,7 +295,7 @@ def test_without_webgl_the_film_stands_there(browser, book):
         "return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })"
         "(HTMLCanvasElement.prototype.getContext)"
     )
-    page.goto((book / "book" / "explorer.html").as_uri())
+    page.goto((book / "notebooks" / "01-robots.html").as_uri())
     page.wait_for_selector("#explorer[data-shown]")
     assert "WebGL" in page.locator("#replay").inner_text()
     film = page.locator("#replay img")
@@ -307,8 +307,9 @@ def test_without_webgl_the_film_stands_there(browser, book):
 
 
 def test_predictions_are_ghosts(visit, book):
-    address = (book / "notebooks" / "08-figure4.html").as_uri()
-    page = visit(address, "#replay[data-shown]")
+    page = visit(
+        (book / "notebooks" / "08-figure4.html").as_uri(), "#replay[data-shown]"
+    )
     assert page.evaluate(
         f"() => {VIEW}.robots.map(({{ track }}) => track.ghost > 0)"
     ) == [False, True, True]

@@ -32,7 +32,7 @@ def test_the_page_shows_what_commands_print():
 @pytest.mark.parametrize(("command", "output"), sessions())
 def test_a_command_prints_what_the_page_says(project, command, output):
     program, *words = shlex.split(command)
-    if words[:2] == ["notebook", "suspension"]:  # smaller, and nothing else
+    if words[:2] == ["notebook", "robots"]:  # smaller, and nothing else
         words += ["-f", "params/smoke.yaml", "-p", "grounds", "1", "-p", "steps", "10"]
     assert program == ".venv/bin/companion"
     result = subprocess.run(

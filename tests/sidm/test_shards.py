@@ -61,7 +61,7 @@ def test_a_damaged_foreign_or_missing_shard_is_named(tmp_path):
         shards.load(tmp_path, COLLECTION, SHARD_SIZE + 1)
     members = read_arrays(path)
     write_arrays(path, members | {"states": members["states"][:, :-1]})
-    with pytest.raises(ShardError, match=r"states .* \(4, 64, 13\), not \(4, 65, 13\)"):
+    with pytest.raises(ShardError, match=r"states .* not \(64, 13\) and"):
         shards.read_shard(path, TERRAIN)
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(ShardError, match="damaged.*delete it") as caught:

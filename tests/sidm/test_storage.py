@@ -5,7 +5,6 @@ import io
 import os
 import pickle
 import time
-import zipfile
 from hashlib import sha256
 
 import numpy as np
@@ -28,20 +27,6 @@ class Trap:
 
     def __reduce__(self):
         return open, (self.path, "w")
-
-
-def sealed(archive: io.BytesIO) -> bytes:
-    """An archive with the comment of this package's archives."""
-    body = archive.getvalue()[:-2] + (64).to_bytes(2, "little")
-    return body + sha256(body).hexdigest().encode()
-
-
-def zipped(content: bytes) -> io.BytesIO:
-    """An archive with one member of this content."""
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w") as made:
-        made.writestr("x.npy", content)
-    return archive
 
 
 def test_arrays_come_back_also_to_others(tmp_path):
@@ -119,36 +104,13 @@ def test_a_link_is_replaced_and_its_target_stays(tmp_path):
 def test_a_pickle_disguised_as_arrays_is_not_opened(tmp_path):
     trap, archive = tmp_path / "sprung", io.BytesIO()
     np.savez(archive, x=np.array([Trap(trap)], object))
-    for content in (
-        pickle.dumps(Trap(trap)),
-        archive.getvalue(),
-        sealed(archive),
-        sealed(zipped(pickle.dumps(Trap(trap)))),
-    ):
+    body = archive.getvalue()[:-2] + (64).to_bytes(2, "little")
+    sealed = body + sha256(body).hexdigest().encode()  # as this package's archives
+    for content in (pickle.dumps(Trap(trap)), archive.getvalue(), sealed):
         (tmp_path / "a.npz").write_bytes(content)
         with pytest.raises(Damaged):
             read_arrays(tmp_path / "a.npz")
     assert not trap.exists()
-
-
-def test_a_file_that_would_grow_is_not_read(tmp_path):
-    """Such archives are compressed, or their header promises 10**12 numbers."""
-    bomb, header = io.BytesIO(), io.BytesIO()
-    np.savez_compressed(bomb, x=np.zeros(1000))
-    promise = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
-    np.lib.format.write_array_header_1_0(header, promise)
-    path = tmp_path / "a"
-    for archive in (bomb, zipped(header.getvalue())):
-        path.write_bytes(sealed(archive))
-        with pytest.raises(Damaged):
-            read_arrays(path)
-    for text in ("{}", "[" * 10**6):
-        path.write_text(text)
-        with pytest.raises(Damaged):
-            read_record(path)
-    os.truncate(path, 2**30)
-    with pytest.raises(Damaged, match="larger than"):
-        read_record(path)
 
 
 def test_what_killed_writers_left_is_swept(tmp_path):

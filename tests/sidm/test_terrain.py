@@ -9,7 +9,7 @@ from terrain_statistics import QUANTILES, statistics
 
 from sidm.config import ConfigError
 from sidm.systems import SYSTEMS, Terrain
-from sidm.terrain import generate_terrain, height_at, nearest_centres
+from sidm.terrain import generate_terrain, height_at
 
 RECORDED = json.loads(
     (Path(__file__).parents[1] / "recorded" / "terrain_quantiles.json").read_text()
@@ -25,17 +25,6 @@ def test_a_seed_gives_one_terrain_with_a_level_start():
     angle = np.linspace(0, 2 * np.pi, 50)
     disc = height_at(heights, 0.85 * np.cos(angle), 0.85 * np.sin(angle))
     assert np.ptp(disc) < 1e-9
-
-
-@pytest.mark.parametrize("count", [1, 40, 2000])
-@pytest.mark.parametrize("size", [(1, 3), (61, 47)])
-def test_tiles_find_the_centre_that_is_nearest_to_each_point(count, size):
-    rng = np.random.default_rng(count)
-    x, y = (0.1 * np.arange(points) - 1 for points in size)
-    centres = rng.uniform(-4, 4, (count, 2))
-    centres[::2] *= 0.05  # many are close together: some tiles look at all centres
-    apart = [np.hypot(x - c, y[:, None] - d) for c, d in centres]
-    assert (nearest_centres(x, y, centres) == np.argmin(apart, 0)).all()
 
 
 def test_surface_passes_through_the_grid_and_is_linear_on_each_triangle():

@@ -17,11 +17,11 @@ from companion.studies.adversary.measure import (
 )
 from sidm.plots import finish, side_by_side, styled
 
-#: Classifier -> colour, line, marker and label of its accuracy.
+#: Classifier -> colour, marker and label of its accuracy.
 LINES = {
-    "discriminator_accuracy": ("#7A3E9D", "--", "s", "its own discriminator"),
-    "network_accuracy": ("#009E73", "-", "o", "a fresh network"),
-    "linear_accuracy": ("#E69F00", ":", "^", "a fresh logistic regression"),
+    "discriminator_accuracy": ("#7A3E9D", "s", "its own discriminator"),
+    "network_accuracy": ("#009E73", "o", "a fresh network"),
+    "linear_accuracy": ("#E69F00", "^", "a fresh logistic regression"),
 }
 #: Way of matching -> its strengths as a figure writes them, the weakest first.
 STRENGTHS_OF = {
@@ -40,9 +40,6 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Means over seeds: a row per system, way of matching and strength.
 
     Each way begins with its weakest strength, which is no matching.
-
-    Args:
-        frame: records of the study.
     """
     parts = []
     for way, strengths in STRENGTHS_OF.items():
@@ -73,11 +70,7 @@ def _strength(row: Any) -> str:
 
 @styled
 def figure(table: pd.DataFrame) -> Figure:
-    """Loss and accuracies of classifiers against the strength, a row for each way.
-
-    Args:
-        table: made by `table`.
-    """
+    """Loss and accuracies of classifiers against the strength, a row for each way."""
     groups = list(table.groupby(["way", "system"]))
     drawn, panels = side_by_side(2 * max(len(groups), 1), 2)
     for row, ((way, system), means) in enumerate(groups):
@@ -105,16 +98,15 @@ def _draw_losses(axes: Axes, means: pd.DataFrame) -> None:
         means.highest - means.validation_loss,
     ]
     colour = METHOD_STYLES["sidm"]["color"]
-    axes.errorbar(
-        means.index, means.validation_loss, yerr=reach, color=colour, capsize=3
-    )
+    dots = {"color": colour, "linestyle": "", "marker": "o", "capsize": 3}
+    axes.errorbar(means.index, means.validation_loss, yerr=reach, **dots)
     axes.set(ylabel="validation loss")
 
 
 def _draw_accuracies(axes: Axes, means: pd.DataFrame) -> None:
     """How often each classifier tells the robots' latents apart, and chance."""
-    for name, (colour, line, marker, label) in LINES.items():
-        style: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
+    for name, (colour, marker, label) in LINES.items():
+        style: dict[str, Any] = {"color": colour, "linestyle": "", "marker": marker}
         axes.plot(means.index, means[name].astype(float), label=label, **style)
     axes.axhline(CHANCE, color="0.5", linestyle="-", marker="", lw=1)
     axes.set(ylabel="latents told apart by", ylim=(CHANCE - 0.05, 1.02))

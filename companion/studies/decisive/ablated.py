@@ -98,15 +98,11 @@ def losses(frame: pd.DataFrame) -> pd.DataFrame:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Losses with a setting of R changed over R's, paired by seed.
 
-    Args:
-        frame: rows of `results`.
-
-    Returns:
-        A row per `system`, `setting`, `value` and `rule` that shares a seed with R: how
-        many `seeds` pair it, the mean `loss`, the `ratio` with its ends `low` and
-        `high`, the p-value `corrected` by Holm over the system's settings, and whether
-        it `differs` by the rule. With fewer than FEWEST_SEEDS there is no interval;
-        without all settings no p-value.
+    A row per `system`, `setting`, `value` and `rule` that shares a seed with R: how
+    many `seeds` pair it, the mean `loss`, the `ratio` with its ends `low` and `high`,
+    the p-value `corrected` by Holm over the system's settings, and whether it `differs`
+    by the rule. With fewer than FEWEST_SEEDS there is no interval; without all settings
+    no p-value.
     """
     rows = []
     every = losses(frame)

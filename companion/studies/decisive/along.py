@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 
 from companion.figures.style import system_label
-from companion.statistics.data_ratio import DataRatio
+from companion.statistics.efficiency import DataRatio, data_ratio
 from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
 from companion.studies.decisive.verdicts import (
+    ALONE_SIZES,
     AT,
     END,
     RELEASED,
     loss_ratio,
     losses_by,
     ratio_of_data,
+    wide,
 )
 from sidm.learning.stopping import kept_after
 
@@ -56,14 +59,8 @@ def lengths_of(frame: pd.DataFrame) -> list[int]:
     return [samples for samples in LENGTHS if first <= samples <= last]
 
 
-def along_training(
-    frame: pd.DataFrame, rules: Sequence[str] = tuple(RULES)
-) -> pd.DataFrame:
+def along_training(frame: pd.DataFrame) -> pd.DataFrame:
     """What an SIDM saves, had all trainings been stopped after n samples or by a rule.
-
-    Args:
-        frame: rows of `verdicts.results`.
-        rules: stopping rules, keys of RULES.
 
     Returns:
         A row per `recipe` and `system` that have SIDMs, `quantity` ('data' or 'loss'),
@@ -82,17 +79,17 @@ def along_training(
             for samples, losses in losses_after(group, lengths_of(group)).items()
         ]
         sidm = group[(group.method == "sidm") & (group.novice_minutes == AT)]
-        for rule in rules:
-            kept = apply_rule(sidm, RULES[rule])
+        for name, rule in RULES.items():
+            kept = apply_rule(sidm, rule)
             if len(kept):
                 samples = int(kept.seen.median())
-                stopped.append((samples, rule, losses_by(group, rule)))
-        for samples, rule, losses in stopped:
+                stopped.append((samples, name, losses_by(group, name)))
+        for samples, name, losses in stopped:
             seeds, saved = ratio_of_data(losses, "sidm")
-            rows.append((recipe, system, "data", AT, rule, samples, seeds, *saved))
+            rows.append((recipe, system, "data", AT, name, samples, seeds, *saved))
             for size in SIZES:
                 ratio = loss_ratio(losses, size)
-                rows.append((recipe, system, "loss", size, rule, samples, *ratio, ""))
+                rows.append((recipe, system, "loss", size, name, samples, *ratio, ""))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -112,17 +109,10 @@ def texts_by_rule(table: pd.DataFrame) -> pd.DataFrame:
 def losses_after(
     frame: pd.DataFrame, lengths: Sequence[int]
 ) -> dict[int, pd.DataFrame]:
-    """The validation `loss` that trainings of so many samples keep.
+    """The validation `loss` that trainings of so many samples keep, by their length.
 
-    The loss is on the validation motion that every test during training has.
-
-    Args:
-        frame: results.
-        lengths: samples after which all trainings are stopped.
-
-    Returns:
-        Length -> a row per training with its `method`, `novice_minutes`, `seed` and
-        `loss`.
+    The loss is on the validation motion that every test during training has. Each table
+    has a row per training with its `method`, `novice_minutes`, `seed` and `loss`.
     """
     whole = frame[frame.test_spacing > 0]
     points = whole[["method", "novice_minutes", "seed"]]
@@ -131,3 +121,30 @@ def losses_after(
         samples: points.assign(loss=[along[at].validation_loss for along in kept])
         for at, samples in enumerate(lengths)
     }
+
+
+def ended_by_rule(frame: pd.DataFrame) -> pd.DataFrame:
+    """How many of R's `trainings` the released rule `ended`, not our cap, by size."""
+    kept = apply_rule(frame[frame.recipe == "R"], RULES[RELEASED])
+    groups = kept.groupby(["system", "method", "novice_minutes"]).ended
+    return groups.agg(ended="sum", trainings="size").reset_index()
+
+
+def ratio_at_best(
+    frame: pd.DataFrame, system: str, sizes: tuple[float, ...] = (60.0, 120.0)
+) -> DataRatio:
+    """How much R's data ratio at AT minutes owes to our cap on the rival's training.
+
+    Training alone with 20 minutes of novice data or more reached the cap before the
+    released rule ended it: a longer training may have a lower loss, and lower the
+    ratio. Here every seed has the loss of the best seed at `sizes` of training alone.
+    """
+    chosen = frame[(frame.recipe == "R") & (frame.system == system)]
+    losses = losses_by(chosen, RELEASED)
+    alone, sidm = wide(losses, "novice_only", ALONE_SIZES), wide(losses, "sidm", [AT])
+    seeds = alone.index.intersection(sidm.index)
+    curves = np.array(alone.loc[seeds])
+    if len(seeds):
+        at = np.isin(ALONE_SIZES, sizes)
+        curves[:, at] = np.array(alone)[:, at].min(0)
+    return data_ratio(ALONE_SIZES, curves, np.array(sidm.loc[seeds, AT]), AT)

@@ -58,7 +58,7 @@ def restricted(caps: Caps, sizes: Sizes) -> Caps:
 def settings(recipe: str, system: str, method: str) -> dict | None:
     """Changes of an untuned preset that make a method follow a recipe on a system.
 
-    Returns None where the search has not chosen the settings yet.
+    None where the search has not chosen the settings yet.
     """
     if recipe == "R":
         return R
@@ -76,13 +76,8 @@ def arm(
 ) -> list[Trial]:
     """Trials of a recipe on a system, the most decisive sizes first.
 
-    Args:
-        study: preset, data and results.
-        recipe: a key of RECIPES.
-        system: name of the pair of robots.
-        caps: methods and sizes, with the samples of each training.
-        seeds: of the trials.
-        policy: exploration policy of all motion; the preset's by default.
+    `caps` have the methods and sizes; `policy` is the exploration policy of all motion,
+    by default the preset's.
     """
     trials, fresh = [], on_fresh_motion(study)
     if policy is not None:

@@ -106,13 +106,8 @@ def in_order(
 ) -> list[Trial]:
     """Trials of the experiment, sorted into the order in which they are run.
 
-    Args:
-        trials: some of the experiment's.
-        study: preset, data and results.
-        steps: names of steps whose trials are kept; by default all.
-
-    Raises:
-        ConfigError: there is no step of a name.
+    With `steps`, only trials of steps of these names are kept; an unknown name raises
+    ConfigError.
     """
     known = [step.name for step in STEPS]
     for name in steps or ():
@@ -131,12 +126,10 @@ def progress(study: Study, store: Results) -> pd.DataFrame:
     """How far each step is: a row per step.
 
     Least squares, which takes seconds, does not count. The hours of a training that was
-    interrupted are those of its last stretch.
-
-    Returns:
-        The `step` and `what` it is, the numbers of trainings `planned`, `stored` and
-        `failed`, their `core_hours`, and `samples_a_second` of the trainings that were
-        not interrupted and have no pretraining.
+    interrupted are those of its last stretch. There are the `step` and `what` it is,
+    the numbers of trainings `planned`, `stored` and `failed`, their `core_hours`, and
+    `samples_a_second` of the trainings that were not interrupted and have no
+    pretraining.
     """
     rows = []
     for step in STEPS:
@@ -165,11 +158,7 @@ def progress(study: Study, store: Results) -> pd.DataFrame:
 def overview_by_step(
     study: Study, store: Results, trials: Iterable[Trial]
 ) -> tuple[list[str], int]:
-    """Lines of text about trials of the experiment, step by step.
-
-    Returns:
-        The lines, and the number of planned trainings that have no settings yet.
-    """
+    """Lines about trials, and how many planned trainings have no settings yet."""
     lines, unknown, wanted = [], 0, {trial.key for trial in trials}
     for step, row in zip(STEPS, progress(study, store).itertuples(), strict=True):
         title = (

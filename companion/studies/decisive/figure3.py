@@ -70,15 +70,11 @@ def table(
 
 @styled
 def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure:
-    """Figure 3 under recipe R: a panel per system.
+    """Figure 3 under recipe R, of the rows of `table`: a panel per system.
 
     Lines are means over seeds, shades reach from the least to the greatest. The arrow
     is as long as the paper's number says: from the SIDM's loss at AT minutes to where
     training alone should have it. A dotted line stands where the paper's curves meet.
-
-    Args:
-        losses: rows of `table`.
-        systems: panels.
     """
     figure, panels = side_by_side(len(systems), 2)
     for axes, system in zip(panels, systems, strict=False):
@@ -122,7 +118,6 @@ def _draw(axes: Axes, method: str, group: pd.DataFrame) -> None:
 
 
 def _mark(axes: Axes, system: str, shown: pd.DataFrame) -> None:
-    """Mark the paper's numbers."""
     axes.axvline(SAID[system].meet, label="the paper's curves meet", **MARK)
     start = shown[(shown.method == "sidm") & (shown.novice_minutes == AT)].loss.mean()
     if pd.notna(start):

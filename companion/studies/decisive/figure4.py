@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import size_style
+from companion.figures.paths import draw_deviation
 from companion.figures.style import METHOD_STYLES, legend_below, system_label
 from companion.methods import COMPARED
-from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
@@ -32,8 +32,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 def median_drive(rows: pd.DataFrame) -> int:
     """Number of the stored drive whose last deviation is the median of them.
 
-    Args:
-        rows: trainings of one system; the mean over them counts.
+    The mean over the trainings, of one system, counts.
     """
     last = [
         np.linalg.norm(np.subtract(predicted, actual)[:, -1, :2], axis=1)
@@ -54,7 +53,7 @@ def figure(
     seed: int = 0,
     systems: Sequence[str] = PAPER_SYSTEMS,
 ) -> Figure:
-    """Figure 4 under recipe R: a row per system.
+    """Figure 4 under recipe R, of the rows of `table`: a row per system.
 
     One plot has the distance of the predicted from the actual position over time, the
     mean over seeds with its standard error; the other a drive from above.
@@ -84,19 +83,12 @@ def figure(
 
 def _draw_deviations(axes: Axes, shown: pd.DataFrame) -> None:
     for (method, minutes), group in shown.groupby(["method", "novice_minutes"]):
-        errors = np.array([(0.0, *error) for error in group.position_error])
-        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
-        style = size_style(method, MINUTES.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        axes.plot(time, mean, label=label, **style)
-        if len(errors) > 1:
-            error = errors.std(0, ddof=1) / len(errors) ** 0.5
-            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
-            axes.fill_between(time, mean - error, mean + error, **shade)
+        style = size_style(method, MINUTES.index(minutes))
+        draw_deviation(axes, group, label, style)
 
 
 def _draw_drive(axes: Axes, shown: pd.DataFrame, number: int) -> None:
-    """Draw a drive's path and those that models predict."""
     for row in shown.itertuples():
         path = np.array(row.rollouts_predicted)[number, :, :2]
         axes.plot(*path.T, **size_style(row.method, MINUTES.index(row.novice_minutes)))

@@ -146,21 +146,23 @@ def _one_seed_each(study: Study, system: str, draws: Iterator[Draw]) -> list[Tri
     return with_references(study, trials)
 
 
-def first_search(study: Study, system: str = "system1") -> list[Trial]:
+def first_search(study: Study) -> list[Trial]:
     """Step 0: all draws on system 1, each with its own seed."""
-    return _one_seed_each(study, system, first_draws())
+    return _one_seed_each(study, "system1", first_draws())
 
 
-def best_repeated(study: Study, system: str = "system1") -> list[Trial]:
+def best_repeated(study: Study) -> list[Trial]:
     """The two best draws of each method with two more seeds."""
     draws = [
         draw(method, number) for method, numbers in BEST.items() for number in numbers
     ]
-    trials = [trial_of(study, system, d, seed) for seed in REPEAT_SEEDS for d in draws]
+    trials = [
+        trial_of(study, "system1", d, seed) for seed in REPEAT_SEEDS for d in draws
+    ]
     return with_references(study, trials)
 
 
-def compare_units(study: Study, system: str = "system1") -> list[Trial]:
+def compare_units(study: Study) -> list[Trial]:
     """Recipe R with raw and standardised units, for both of the paper's methods."""
     base, trials = on_tuning_motion(study), []
     for seed in REPEAT_SEEDS:
@@ -168,31 +170,27 @@ def compare_units(study: Study, system: str = "system1") -> list[Trial]:
             changes = R | {"units": units} | without_early_stopping(CAP)
             changed = base.changed(**changes)
             trials += [
-                changed.trial(system, method, MINUTES, seed) for method in COMPARED
+                changed.trial("system1", method, MINUTES, seed) for method in COMPARED
             ]
     return trials
 
 
-def second_search(study: Study, system: str = "system2") -> list[Trial]:
+def second_search(study: Study) -> list[Trial]:
     """Step 0': the two best draws of each method, and four fresh ones, on system 2."""
     draws = (
         draw(method, number)
         for method, count in DRAWS.items()
         for number in (*BEST.get(method, ()), *range(count, count + FRESH_DRAWS))
     )
-    return _one_seed_each(study, system, draws)
+    return _one_seed_each(study, "system2", draws)
 
 
 def scores(frame: pd.DataFrame) -> pd.DataFrame:
     """Stored draws from the best to the worst: a row per system, method and setting.
 
-    Args:
-        frame: rows of a search, with those of its references.
-
-    Returns:
-        `score`, the lowest smoothed test loss divided by that of least squares on the
-        same split, as a geometric mean over the `seeds`; and the mean
-        `validation_loss`, by which nothing is chosen.
+    `score` is the lowest smoothed test loss divided by that of least squares on the
+    same split, the search's reference, as a geometric mean over the `seeds`. By the
+    mean `validation_loss` nothing is chosen.
     """
     solved = frame.method == "least_squares"
     reference_losses = frame[solved].set_index(["system", "seed"]).best_test_loss
@@ -216,13 +214,10 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def draws_of(frame: pd.DataFrame) -> pd.DataFrame:
-    """Stored draws of the first search, one training each: a row per draw.
+    """Stored draws of `first_search`, one training each: a row per draw.
 
-    Args:
-        frame: rows of `first_search`.
-
-    Returns:
-        `method`, `number` of the draw, `score` as in `scores`, and `validation_loss`.
+    There are `method`, `number` of the draw, `score` as in `scores`, and
+    `validation_loss`.
     """
     solved = frame.method == "least_squares"
     references = frame[solved].set_index("seed").best_test_loss

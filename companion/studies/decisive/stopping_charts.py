@@ -11,8 +11,8 @@ from typing import Any
 import altair as alt
 from matplotlib.figure import Figure
 
+from companion.figures.interactive import themed
 from companion.figures.style import METHOD_STYLES, html_picture, json_script
-from companion.figures.themed import themed
 from companion.studies.decisive.verdicts import END
 
 HEIGHT = 250  # pixels
@@ -50,7 +50,6 @@ def _losses() -> Any:
 
 
 def _cursor() -> alt.Chart:
-    """The stopping point, a vertical line."""
     return (
         named("stop")
         .mark_rule(color=INK, strokeWidth=1.5, tooltip=None)
@@ -59,11 +58,7 @@ def _cursor() -> alt.Chart:
 
 
 def charts(methods: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, Any]]:
-    """Specifications by the name of the chart.
-
-    Args:
-        methods: name -> `label` and `color` of each method.
-    """
+    """Specifications by the name of the chart, for methods with `label` and `color`."""
     names = [method["label"] for method in methods.values()]
     scale = alt.Scale(
         domain=names, range=[method["color"] for method in methods.values()]
@@ -144,12 +139,9 @@ def html(
 ) -> str:
     """The charts with their numbers, which book/static/stopping.js puts together.
 
-    Args:
-        contents: of `stopping_point.contents`.
-        figure: shown where there is no script.
-        words: what the figure shows, for readers who cannot see it.
-        names: the charts to show, in their order; all by default. Without `search` its
-            numbers are left out.
+    `contents` are those of `stopping_point`. The figure, in words for readers who
+    cannot see it, is shown where there is no script. `names` are the charts to show, in
+    their order; all by default. Without `search` its numbers are left out.
     """
     drawn = charts(contents["methods"])
     names = names or list(drawn)

@@ -47,17 +47,12 @@ def drawn_tests(count: int) -> list[int]:
 
 
 def training_contents(row: pd.Series, lengths: Sequence[int]) -> dict[str, Any]:
-    """A training's curve, and what it keeps when it is stopped.
+    """A training's curve, and what it keeps when it is stopped after each length.
 
-    Args:
-        row: of the results.
-        lengths: samples after which the reader can stop it.
-
-    Returns:
-        `method`, `minutes` and `seed`; the number of `tests` and their `spacing` in
-        samples; the `curve` of the validation loss at `drawn_tests`; after each length
-        the `kept` validation loss, and the number of the test `at` which the kept
-        weights were reached.
+    `method`, `minutes` and `seed`; the number of `tests` and their `spacing` in
+    samples; the `curve` of the validation loss at `drawn_tests`; after each length the
+    `kept` validation loss, and the number of the test `at` which the kept weights were
+    reached.
     """
     curve = stored_curve(row)
     shown = drawn_tests(len(curve.samples))
@@ -77,9 +72,8 @@ def training_contents(row: pd.Series, lengths: Sequence[int]) -> dict[str, Any]:
 def rule_contents(group: pd.DataFrame, rule: str) -> list[list[float]]:
     """What a stopping rule keeps of each training of a group.
 
-    Returns:
-        For each training the validation loss of the kept weights, as it is published;
-        the samples at which they were reached, and those at which training ended.
+    The validation loss of the kept weights, as it is published; the samples at which
+    they were reached, and those at which training ended.
     """
     kept, losses = apply_rule(group, RULES[rule]), losses_by(group, rule).loss
     return [
@@ -91,11 +85,9 @@ def rule_contents(group: pd.DataFrame, rule: str) -> list[list[float]]:
 
 
 def saving_contents(table: pd.DataFrame) -> dict[str, list[Any]]:
-    """Rows of `along_training`: ratios with their ends, by quantity and minutes.
+    """Ratios of `along_training` with their ends, by 'data 5', 'loss 1' and so on.
 
-    Returns:
-        'data 5', 'loss 1', 'loss 5' and 'loss 20' -> [value, low, high] per row; what
-        is unknown, or has no bound, is None.
+    What is unknown, or has no bound, is None.
     """
     return {
         f"{quantity} {minutes:g}": [
@@ -111,12 +103,7 @@ def _number(value: float) -> float | None:
 
 
 def recipe_contents(group: pd.DataFrame, saved: pd.DataFrame) -> dict[str, Any]:
-    """All that the page needs of a recipe on a system.
-
-    Args:
-        group: results of the recipe on the system.
-        saved: the rows of `along_training` about them.
-    """
+    """All that the page needs of a recipe on a system."""
     lengths = lengths_of(group)
     recipe, system = group.recipe.iloc[0], system_label(group.system.iloc[0])
     return {
@@ -156,10 +143,8 @@ def contents(
 ) -> dict[str, Any]:
     """All numbers of the page, as JSON types.
 
-    Args:
-        frame: rows of `verdicts.results`.
-        search: rows of the search on system 1.
-        saved: `along_training` of the first.
+    `frame` has the rows of `verdicts.results`, `saved` is `along_training` of it,
+    `search` has those of the search on system 1.
     """
     groups = {
         key: group
@@ -186,7 +171,6 @@ def contents(
 
 
 def _methods(*frames: pd.DataFrame) -> Mapping[str, dict[str, Any]]:
-    """Label and colour of each method that is drawn."""
     names = dict.fromkeys(name for frame in frames for name in frame.method)
     return {
         name: {key: METHOD_STYLES[name][key] for key in ("label", "color")}

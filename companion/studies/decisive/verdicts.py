@@ -14,14 +14,8 @@ import pandas as pd
 
 from companion.engine.store import Results
 from companion.figures.style import system_label
-from companion.statistics.claims import (
-    CONTRARY,
-    DIRECTION,
-    NO_VERDICT,
-    NOT_SEEN,
-    REPRODUCED,
-)
-from companion.statistics.data_ratio import DataRatio, data_ratio
+from companion.statistics.claims import NO_VERDICT, NOT_SEEN, verdict
+from companion.statistics.efficiency import DataRatio, data_ratio
 from companion.statistics.intervals import FEWEST_SEEDS, holm, mean_ratio, p_value
 from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
@@ -91,25 +85,6 @@ def losses_by(frame: pd.DataFrame, rule: str) -> pd.DataFrame:
     )
 
 
-def verdict_of(
-    ratio: Interval | DataRatio, paper: float | None = None, above: bool = True
-) -> str:
-    """What the interval of a ratio says of the claim that the ratio differs from 1.
-
-    Args:
-        ratio: a ratio with its interval.
-        paper: the paper's number, which the interval may hold, too.
-        above: whether the claim is that the ratio lies above 1; else below.
-    """
-    known = Interval(*ratio[:3])
-    if np.isnan(known).any():  # a bound has no value, and so no verdict
-        return NO_VERDICT
-    side = known.side(1) if above else -known.side(1)
-    if side == 1 and paper is not None and known.low <= paper <= known.high:
-        return REPRODUCED
-    return {1: DIRECTION, 0: NOT_SEEN, -1: CONTRARY}[side]
-
-
 def wide(frame: pd.DataFrame, method: str, sizes: Sequence[float]) -> pd.DataFrame:
     """Losses of a method: a row per seed that has all sizes, a column per size."""
     losses = frame[frame.method == method].pivot(
@@ -123,10 +98,8 @@ def ratio_of_data(
 ) -> tuple[int, DataRatio]:
     """The data ratio of a method, and from how many seeds.
 
-    Args:
-        frame: losses of one recipe on one system.
-        method: whose loss is to be reached.
-        minutes: novice data of that loss; verdicts are on AT alone.
+    `frame` has the losses of one recipe on one system, the method has so many `minutes`
+    of novice data; verdicts are on AT alone.
     """
     alone = wide(frame, "novice_only", ALONE_SIZES)
     other = wide(frame, method, [minutes])
@@ -144,15 +117,9 @@ def sidm_saving(
     minutes: float,
     rival: str | None = None,
 ) -> DataRatio:
-    """The SIDM's data ratio at any of its sizes.
+    """The SIDM's data ratio at any of its sizes, of `results`.
 
-    Args:
-        frame: `results`.
-        recipe: of the SIDM.
-        system: the pair of robots.
-        rule: stopping rule.
-        minutes: novice data of the SIDM.
-        rival: recipe of training alone; by default the same.
+    `rival` is the recipe of training alone; by default the same.
     """
     losses = _losses_of(frame, recipe, system, rule)
     if rival is not None:
@@ -197,7 +164,8 @@ def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
         for method in methods:
             seeds, ratio = ratio_of_data(losses, method)
             claimed = method == "sidm"  # the paper claims nothing of fine-tuning
-            says = verdict_of(ratio, PAPER[system]) if claimed else NO_VERDICT
+            estimate = Interval(*ratio[:3])  # a bound has no value, and so no verdict
+            says = verdict(estimate, 1.0, PAPER[system]) if claimed else NO_VERDICT
             about = name, system, recipe, rule, method, AT, seeds
             rows.append((*about, *ratio, says, np.nan))
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -213,7 +181,7 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
         losses = _losses_of(frame, recipe, system, rule)
         for minutes in SMALL:
             seeds, *ratio = loss_ratio(losses, minutes)
-            says = verdict_of(Interval(*ratio), above=False)
+            says = verdict(Interval(*ratio), 1.0, above=False)
             about = "S", system, recipe, rule, "sidm", minutes, seeds
             rows.append((*about, *ratio, "", says, np.nan))
     return pd.DataFrame(rows, columns=list(COLUMNS))

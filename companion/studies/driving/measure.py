@@ -24,7 +24,7 @@ from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.methods import COMPARED
 from companion.study import Study
 from companion.trials import Trial
-from sidm.config import ConfigError, config
+from sidm.config import config
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.model import Predictor
 from sidm.systems import find_system
@@ -52,13 +52,6 @@ class DriverTest:
     planning: Planning | None  # None for the driver that does not plan
     episodes: tuple[int, ...]  # numbers of the episodes
     longest: float  # s, length of an episode at most
-
-    def __post_init__(self) -> None:
-        """Refuse a test without an episode."""
-        if not self.episodes or min(self.episodes) < 0:
-            raise ConfigError(
-                f"DriverTest.episodes must be numbers from 0 on, not {self.episodes}"
-            )
 
 
 @config
@@ -121,17 +114,11 @@ def jobs(
     simulated: int = EPISODES_SIMULATED,
     longest: float = LONGEST,
 ) -> list[DriverTest]:
-    """The tests of all drivers on a system.
+    """The tests of all drivers on a system, whose novice drives on its ground.
 
-    Args:
-        study: preset, data and results of the models. The models of a method and size,
-            one per seed, share the episodes out among them.
-        system: name of the pair of robots; its novice drives on its ground.
-        sizes: of the models' data, min.
-        episodes: number of episodes of a method and size, and of the straight driver.
-        simulated: number of episodes, the first of the same, that are planned in the
-            simulator.
-        longest: s, length of an episode at most.
+    `sizes` are those of the models' data, min. The models of a method and size, one per
+    seed, share the `episodes` out among them; the first `simulated` of the same
+    episodes are planned in the simulator. An episode takes `longest` s at most.
     """
 
     def test(
@@ -207,7 +194,6 @@ def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
 
 
 def _episode_fields(driven: DrivenEpisode, goal: np.ndarray) -> dict[str, Any]:
-    """The fields of DrivingResult for one episode."""
     names = ("ended", "seconds", "length", "top_speed", "steepest", "surprise")
     return {name: getattr(driven, name) for name in names} | {
         "away": float(np.linalg.norm(goal)),
@@ -219,10 +205,7 @@ def _episode_fields(driven: DrivenEpisode, goal: np.ndarray) -> dict[str, Any]:
 def _model_errors(
     model: Predictor, trial: Trial, data: str | Path
 ) -> tuple[float, float]:
-    """Validation loss of a model and its mean position error after 2.5 s, m.
-
-    Both are computed as in the trial's row.
-    """
+    """Validation loss of a model and its error after 2.5 s, m, as in its row."""
     errors = evaluate(model, trial, Library(data))
     return float(errors.losses.sum()), float(errors.position[-1])
 
@@ -234,7 +217,6 @@ def _driver(
     task: Episode,
     number: int,
 ) -> Driver:
-    """The driver of episode `number`, whose start and goal are `task`."""
     if about.planning is None:
         return Driver(task.goal)
     imagination = simulator

@@ -45,12 +45,6 @@ def crossed_loss(
 
     This needs robots whose states, actions and transitions mean the same, as those of
     the paper do.
-
-    Args:
-        model: a trained model.
-        motion: of one system.
-        encoder: role whose encoder is used.
-        decoder: role whose decoder is used.
     """
     total = 0.0
     with torch.inference_mode():
@@ -72,15 +66,9 @@ def classifier_accuracy(
 ) -> float:
     """Accuracy with which a classifier tells the systems of unseen steps apart.
 
-    The classifier is fitted on half of the trajectories and tested on the other half.
-    Both systems weigh the same.
-
-    Args:
-        features: (N, T, K) of the novice's trajectories and (M, T, K) of the expert's.
-        classifier: unfitted.
-
-    Returns:
-        The share of steps whose system is right, 0.5 by chance.
+    The classifier is fitted on half of the trajectories, (N, T, K) of the novice and
+    (M, T, K) of the expert, and tested on the other half. Both systems weigh the same;
+    0.5 is chance.
     """
     halves = [[motion[0::2], motion[1::2]] for motion in features]
     fitted = make_pipeline(StandardScaler(), classifier)
@@ -110,11 +98,7 @@ def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
 def picture(
     novice: np.ndarray, expert: np.ndarray
 ) -> list[tuple[tuple[float, float], ...]]:
-    """The first two principal components of the latents (., ., K) of both systems.
-
-    Returns:
-        (PICTURED, 2) of the novice and of the expert, on the same axes.
-    """
+    """First two principal components (PICTURED, 2) of the latents of both systems."""
     parts = _sampled(novice, expert, PICTURED)
     pca = PCA(2, svd_solver="full").fit(np.concatenate(parts))
     return [

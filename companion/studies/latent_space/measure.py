@@ -65,18 +65,12 @@ records = records_of(Diagnosis, "latent-space")
 
 
 def jobs(study: Study, system: str) -> list[Trial]:
-    """The trials whose latents are measured.
-
-    They are those with and without regularisation, of a small and a middle size.
-    """
+    """Trials with and without regularisation, of a small and a middle size."""
     return study.points(system, METHODS_COMPARED, study.preset.baseline_minutes)
 
 
 def held_out_expert(trial: Trial) -> Dataset:
-    """The expert's training motion followed by held-out trajectories.
-
-    As many trajectories are held out as validate the novice.
-    """
+    """The expert's training motion, and as many trajectories as validate the novice."""
     expert, validation = (trial.datasets[kind] for kind in ("expert", "validation"))
     return Dataset(collection=expert.collection, count=expert.count + validation.count)
 
@@ -90,9 +84,8 @@ def motion(trial: Trial) -> dict[Dataset, Sequence[int]]:
 def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
     """Train a trial's model and measure its latents on unseen motion.
 
-    Raises:
-        ConfigError: the trial's method has no expert.
-        ShardError: data are missing.
+    ConfigError says that the trial's method has no expert, ShardError that data are
+    missing.
     """
     # here, since stored diagnoses are read without PyTorch
     from sklearn.linear_model import LogisticRegression

@@ -9,14 +9,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.curves import size_style
+from companion.figures.named_rows import HOLLOW, dot_plots, name_rows
 from companion.figures.style import (
-    LOSS_LABEL,
     METHOD_STYLES,
     ROLE_STYLES,
     legend_below,
     system_label,
-    system_panels,
 )
 from companion.methods import METHODS
 from sidm.plots import finish, side_by_side, styled
@@ -47,10 +45,10 @@ HEADINGS = {
 }
 #: Losses on the novice's motion -> the parts of the model that they are computed with.
 CROSSED = {
-    "validation_loss": "novice's\nown parts",
-    "expert_encoder_loss": "expert's\nencoder",
-    "expert_decoder_loss": "expert's\ndecoder",
-    "expert_path_loss": "both of the\nexpert's",
+    "validation_loss": "the novice's own parts",
+    "expert_encoder_loss": "the expert's encoder",
+    "expert_decoder_loss": "the expert's decoder",
+    "expert_path_loss": "both of the expert's",
 }
 
 
@@ -73,10 +71,7 @@ def page_table(frame: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
 
 @styled
 def figure(frame: pd.DataFrame) -> Figure:
-    """Latents of both systems in the plane of their first two principal components.
-
-    A panel per model, two in a row.
-    """
+    """Latents of both systems by two principal components, a panel a model."""
     order = ["system", "novice_minutes", "method"]
     rows = list(frame.sort_values(order).itertuples())
     count = max(len(rows), 1)
@@ -114,23 +109,24 @@ def crossed_figure(
 ) -> Figure:
     """The loss on the novice's motion with each system's encoder and decoder.
 
-    A curve per method and size: means over seeds.
+    A row for each choice of parts, a dot for each method and size: means over seeds.
+    The dots of all sizes but the smallest are hollow.
     """
-    figure, plots = system_panels(
-        table(frame, tuple(CROSSED)), systems, yscale="log", ylabel=LOSS_LABEL
-    )
-    sizes = sorted(frame.novice_minutes.unique())
-    for axes, means in plots:
-        for row in means.sort_values(["method", "novice_minutes"]).itertuples():
-            style = METHOD_STYLES[row.method]
-            line = size_style(row.method, sizes.index(row.novice_minutes)) | {
-                "marker": style["marker"],
-                "label": f"{style['label']}, {row.novice_minutes:g} min",
-            }
+    means = table(frame, tuple(CROSSED))
+    sizes = sorted(means.novice_minutes.unique())
+    figure, panels = dot_plots(len(systems), len(CROSSED), height=0.6)
+    for axes, system in zip(panels, systems, strict=True):
+        rows = means[means.system == system].sort_values(["novice_minutes", "method"])
+        for number, row in enumerate(rows.itertuples()):
+            style = METHOD_STYLES[row.method] | {"linestyle": "", "ms": 7}
+            style |= {} if row.novice_minutes == sizes[0] else HOLLOW
+            style["label"] = f"{style['label']}, {row.novice_minutes:g} min"
             losses = [getattr(row, name) for name in CROSSED]
-            axes.plot(range(len(CROSSED)), losses, **line)
-        finish(axes, legend=False)
-        if len(means):
-            axes.set_xticks(range(len(CROSSED)), list(CROSSED.values()))
-    legend_below(figure, figure.axes)
+            heights = np.arange(len(CROSSED)) + 0.1 * number
+            axes.plot(losses, heights, **style)
+        axes.set(title=system_label(system), xscale="log", xlabel="validation loss (-)")
+        finish(axes, [0.2, 0.3, 0.5, 1, 2] if len(rows) else (), legend=False)
+        if len(rows):
+            name_rows(axes, list(CROSSED.values()))
+    legend_below(figure, panels)
     return figure

@@ -29,15 +29,10 @@ ENCODERS = {"own encoders": "novice", "one encoder": "expert"}
 
 
 class Apart(NamedTuple):
-    """How far apart the latents of the two robots are, measured as of a trained model.
+    """How far apart two robots' latents are, measured as of a trained model."""
 
-    Attributes:
-        network_accuracy: of a fresh small network on held-out steps, 0.5 by chance
-        mmd: squared maximum mean discrepancy, 0 where the latents are alike
-    """
-
-    network_accuracy: float
-    mmd: float
+    network_accuracy: float  # of a fresh small network on held-out steps
+    mmd: float  # squared maximum mean discrepancy, 0 where they are alike
 
 
 def measure(trial: Trial, data: Path) -> dict[str, Apart]:
@@ -45,9 +40,6 @@ def measure(trial: Trial, data: Path) -> dict[str, Apart]:
 
     The novice's motion is the validation set, the expert's as many trajectories. No
     digest is asked for: any motion of the two robots will do.
-
-    Raises:
-        ShardError: data are missing.
     """
     # here, since stored measures are read without PyTorch
     from companion.engine.library import dataset_windows
@@ -82,10 +74,7 @@ def _trials(study: Study, system: str) -> list[Trial]:
 
 
 def make(study: Study, workers: int) -> None:
-    """Measure and store, for `companion run --figure untrained-latents`.
-
-    It runs in one process; `workers` is not used.
-    """
+    """Measure and store, for `companion run --figure untrained-latents`."""
     from sidm.learning.arithmetic import one_thread
 
     stored: dict[str, object] = {}

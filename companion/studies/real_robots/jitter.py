@@ -39,10 +39,7 @@ class Floor(NamedTuple):
 
 
 def jitter(windows: Sequence[Drive]) -> np.ndarray:
-    """Standard deviations (3,) of a planar pose's noise: forward, left and heading.
-
-    They are in m, m and rad.
-    """
+    """Standard deviations (3,) of a pose's noise: forward, m, left, m, heading, rad."""
     x, y, yaw = states_and_actions(windows)[0][..., :3].numpy().transpose(2, 0, 1)
     yaw = np.unwrap(yaw, axis=1)
     dx, dy, dyaw = (np.diff(values, n=ORDER, axis=1) for values in (x, y, yaw))

@@ -10,7 +10,13 @@ from matplotlib.figure import Figure
 from companion.figures.style import METHOD_STYLES, legend_entries
 from companion.statistics.pairs import page_table, paired_comparison
 from companion.statistics.tables import wide
-from companion.studies.real_robots.measure import ALONE, HELD_OUT, PAIRS
+from companion.studies.real_robots.measure import (
+    ALONE,
+    HELD_OUT,
+    PAIRS,
+    PRETRAINED,
+    WITH_EXPERT,
+)
 from sidm.plots import finish, side_by_side, styled
 
 #: Fields of a record that have an entry per size.
@@ -65,18 +71,11 @@ def long(frame: pd.DataFrame) -> pd.DataFrame:
 def table(
     frame: pd.DataFrame, value: str = "loss", against: str = "novice_only"
 ) -> pd.DataFrame:
-    """Every method compared with another, seed by seed.
+    """Every method compared with another, seed by seed, by the loss or an error.
 
-    The intervals take into account that the seeds split the same sessions.
-
-    Args:
-        frame: of records.
-        value: 'loss', or an open-loop error after 1.5 s.
-        against: the method that the others are compared with.
-
-    Returns:
-        As `pairs.paired_comparison`, with `sessions` as the size; a ratio below 1 says
-        that the method predicts better.
+    The intervals take into account that the seeds split the same sessions. The table is
+    made by `pairs.paired_comparison`, with `sessions` as the size; a ratio below 1 says
+    that the method predicts better.
     """
     rows = long(frame)
     compared = paired_comparison(
@@ -86,6 +85,39 @@ def table(
         held_out=HELD_OUT,
     )
     return compared.rename(columns={"novice_minutes": "sessions"})
+
+
+def seconds_unbeaten(frame: pd.DataFrame) -> str:
+    """From how much of its motion on no network beat least squares on the Warthog.
+
+    Returns:
+        Seconds of motion, six for each session, as text; 'not run' without results.
+    """
+    networks = ("novice_only", *WITH_EXPERT, PRETRAINED)
+    squares = table(frame, against="least_squares")
+    rows = squares[
+        (squares.system == "husky to warthog") & squares.method.isin(networks)
+    ]
+    least = rows.groupby("sessions").ratio.min()
+    unbeaten = least[least > 1]
+    return f"{6 * unbeaten.index.min():.0f}" if len(unbeaten) else "not run"
+
+
+def percent_better(compared: pd.DataFrame, pair: str, sessions: int) -> dict[str, str]:
+    """By how many per cent each method's loss is lower, with its interval, as text.
+
+    Args:
+        compared: made by `table`.
+        pair: of expert and novice.
+        sessions: of the novice's motion.
+    """
+    rows = compared[(compared.system == pair) & (compared.sessions == sessions)]
+    return {
+        row.method: "{:.0f} ({:.0f} to {:.0f})".format(
+            *(100 * (1 - end) for end in (row.ratio, row.high, row.low))
+        )
+        for row in rows.itertuples()
+    }
 
 
 def for_page(table: pd.DataFrame) -> pd.DataFrame:
@@ -105,14 +137,10 @@ def figure(
     value: str = "loss",
     floors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Figure:
-    """Means over seeds against minutes of the novice's motion.
+    """Means over seeds of a key of LABELS against minutes of the novice's motion.
 
-    A panel per pair, a curve per method.
-
-    Args:
-        frame: of records.
-        value: a key of LABELS.
-        floors: novice -> error due to the jitter of its pose alone, least and greatest.
+    A panel per pair, a curve per method. `floors` are the errors due to the jitter of a
+    novice's pose alone, least and greatest.
     """
     rows = long(frame)
     figure, (*panels, legend_panel) = side_by_side(len(PAIRS) + 1, 2)

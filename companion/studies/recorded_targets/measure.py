@@ -6,7 +6,6 @@ results/recorded_targets yet.
 
 from __future__ import annotations
 
-import functools
 import itertools
 import time
 from collections.abc import Sequence
@@ -159,14 +158,7 @@ def jobs(
     recordings: str | Path = "recordings",
     sizes: Sequence[float] = SIZES,
 ) -> list[Transfer]:
-    """All trainings of a system; those of a seed follow each other.
-
-    Args:
-        study: preset, data and results.
-        system: name of the pair of robots.
-        recordings: folder of the recordings.
-        sizes: min of recorded data.
-    """
+    """All trainings of a system on `sizes`, min of recorded data, seed after seed."""
     preset, sets = study.preset, proxies(study.preset, system)
     recorded = checksum_of(read_drives(recordings_of(system, recordings), ROVER))
     transfers = []
@@ -198,23 +190,17 @@ def jobs(
     return transfers
 
 
-#: `load_recorded`, which reads the recordings once for all trainings of a process; the
-#: checksum among its arguments identifies them.
-_recorded = functools.lru_cache(maxsize=1)(load_recorded)
-
-
 def measure(
     about: Transfer, data: str | Path = "data", recordings: str | Path = "recordings"
 ) -> TransferResult:
     """Train and evaluate the models of all sizes.
 
-    Raises:
-        RecordingError: recordings are missing, or others than those of the job.
-        ShardError: data are missing, or others than those of the job.
+    RecordingError or ShardError says that recordings or data are missing, or others
+    than those of the job.
     """
     timer, pixels = ProvenanceTimer("elsewhere", about, data), about.network.pixels
     with one_thread():
-        recorded = _recorded(
+        recorded = load_recorded(
             about.system, about.held_out, pixels, recordings, about.recorded_data
         )
         expert = dataset_windows(about.expert, data, pixels)
@@ -245,7 +231,6 @@ def measure(
 def _model_fields(
     minutes: float, model: Predictor, recorded: Recorded, pixels: int
 ) -> dict[str, Any]:
-    """The fields of TransferResult on a model."""
     losses = window_losses(model, recorded)
     position, heading = path_errors(model, recorded, pixels)
     return {
@@ -259,7 +244,6 @@ def _model_fields(
 
 
 def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
-    """The fields of TransferResult on a training and its seconds of processor time."""
     return {
         "samples": trained.samples,
         "best_samples": trained.best_samples,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -54,6 +55,7 @@ class Recorded(NamedTuple):
         return self.motion.take(self.validation_numbers)
 
 
+@functools.lru_cache(maxsize=1)  # once for all trainings; the checksum identifies them
 def load_recorded(
     system: str,
     held_out: int,
@@ -61,17 +63,9 @@ def load_recorded(
     folder: str | Path = "recordings",
     wanted: str | None = None,
 ) -> Recorded:
-    """The recordings of a system.
+    """The recordings of a system, the last `held_out` grounds for validation.
 
-    Args:
-        system: name of the pair of robots.
-        held_out: number of grounds for validation, the last ones.
-        pixels: of the maps.
-        folder: of the recordings.
-        wanted: checksum that the recordings must have; any by default.
-
-    Raises:
-        RecordingError: the recordings have a fault, or another checksum than `wanted`.
+    RecordingError says that they have a fault, or another checksum than `wanted`.
     """
     path = recordings_of(system, folder)
     drives = read_drives(path, ROVER)
@@ -88,13 +82,7 @@ def load_recorded(
 def validation_grounds(
     system: str, held_out: int, folder: str | Path = "recordings"
 ) -> np.ndarray:
-    """(N,) number of the ground of each window for validation, without its maps.
-
-    Args:
-        system: name of the pair of robots.
-        held_out: number of grounds for validation, the last ones.
-        folder: of the recordings.
-    """
+    """(N,) number of the ground of each window for validation, without its maps."""
     windows = cut(read_drives(recordings_of(system, folder), ROVER))
     _, validation = split_by_ground(windows, held_out)
     return grounds_of(windows)[validation.numpy()]
@@ -105,9 +93,7 @@ def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tens
 
     About 75 % are to train on; the others lie on other grounds. With the same seed, the
     windows of fewer minutes are among those of more minutes, in the same split.
-
-    Raises:
-        ConfigError: there are not so many minutes.
+    ConfigError says that there are not so many minutes.
     """
     rng = np.random.default_rng(seed)
     ground = grounds_of(recorded.drives)[recorded.training_numbers.numpy()]
@@ -139,7 +125,7 @@ def window_losses(model: Predictor, recorded: Recorded) -> Tensor:
 def path_errors(
     model: Predictor, recorded: Recorded, pixels: int
 ) -> tuple[Tensor, Tensor]:
-    """Position error (K,), m, and heading error (K,), rad, with K = ROLLOUT_STEPS.
+    """Position error, m, and heading error, rad, (ROLLOUT_STEPS,) each.
 
     They are means over rollouts from the start of each validation window.
     """

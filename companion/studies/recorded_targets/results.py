@@ -21,20 +21,22 @@ from companion.figures.style import (
 from companion.statistics import pairs, savings
 from companion.statistics.claims import claim_rows, ratio_verdicts
 from companion.statistics.pairs import complete, pooled_comparison
-from companion.studies.recorded_targets.measure import (
-    HELD_OUT,
-    METHODS_AND_PROXIES,
-    Proxy,
-)
+from companion.studies.recorded_targets.measure import HELD_OUT, Proxy
 from companion.studies.recorded_targets.recorded import validation_grounds
+from ownrobot.comparison.statistics import Interval
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
 Way = tuple[str, Proxy]  # a method and the simulated robot that is its expert
 
 #: Ways that the figure draws; the tables have the others, too.
-SHOWN = tuple(
-    way for way in METHODS_AND_PROXIES if way[0] not in ("corrected", "least_squares")
+SHOWN: tuple[Way, ...] = (
+    ("novice_only", "none"),
+    ("sidm", "expert"),
+    ("least_squares_mirrored", "none"),
+    ("pretrain_finetune", "expert"),
+    ("corrected_averaged", "expert"),
+    ("corrected_averaged", "novice"),
 )
 PROXY_WORDS = {
     "none": "",
@@ -54,10 +56,9 @@ def label(method: str, proxy: Proxy) -> str:
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per model.
 
-    Returns:
-        `system`, `method`, `proxy`, `seed`, `novice_minutes` of recorded data, 0 where
-        a model has none, the validation `loss`, the mean position `error` after 2.5 s,
-        m, and the losses (N,) of the validation windows, `pieces`.
+    There are `system`, `method`, `proxy`, `seed`, `novice_minutes` of recorded data, 0
+    where a model has none, the validation `loss`, the mean position `error` after 2.5
+    s, m, and the losses (N,) of the validation windows, `pieces`.
     """
     values = ["minutes", "validation_loss", "position_error", "piece_losses"]
     long = frame[["system", *BY, "seed", *values]].explode(values)
@@ -71,12 +72,10 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _is(table: pd.DataFrame, way: Way) -> pd.Series:
-    """Whether each row is of a way."""
     return (table.method == way[0]) & (table.proxy == way[1])
 
 
 def _recorded(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows with recorded data."""
     return table[table.novice_minutes > 0]
 
 
@@ -94,11 +93,7 @@ def best_alone(table: pd.DataFrame, system: str) -> Way | None:
 
 
 def compare(table: pd.DataFrame, other: Way) -> pd.DataFrame:
-    """All ways with recorded data compared with one of them, all sizes together.
-
-    Returns:
-        As `pairs.pooled_comparison`, with a `verdict`.
-    """
+    """All ways with recorded data compared with one of them, all sizes together."""
     recorded = _recorded(table)
     is_other = _is(recorded, other)
     compared = pooled_comparison(
@@ -110,9 +105,7 @@ def compare(table: pd.DataFrame, other: Way) -> pd.DataFrame:
 def beside_best(table: pd.DataFrame, best: Mapping[str, Way]) -> pd.DataFrame:
     """What learns from a simulation beside the best without one, for a page.
 
-    Args:
-        table: of all systems.
-        best: system -> the way to compare with, see `best_alone`.
+    `best` has, by system, the way to compare with, see `best_alone`.
     """
     parts = [
         compare(table[table.system == system], way).assign(beside=label(*way))
@@ -128,12 +121,11 @@ def beside_best(table: pd.DataFrame, best: Mapping[str, Way]) -> pd.DataFrame:
 def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     """Means over seeds, compared with another way.
 
-    Returns:
-        A row per system, way and size: `seeds`, mean `loss` and `error`; the `ratio` of
-        the losses with `low` and `high`, paired by seed, NaN for the other way itself;
-        `saved`, `saved_low`, `saved_high` and `bound`: how many times the recorded data
-        the other way needs; and `worth`, for a model without recorded data, the minutes
-        with which the other way does as well.
+    A row per system, way and size: `seeds`, mean `loss` and `error`; the `ratio` of the
+    losses with `low` and `high`, paired by seed, NaN for the other way itself; `saved`,
+    `saved_low`, `saved_high` and `bound`: how many times the recorded data the other
+    way needs; and `worth`, for a model without recorded data, the minutes with which
+    the other way does as well.
     """
     point = ["system", *BY, "novice_minutes"]
     means = (
@@ -159,13 +151,8 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
 def of_simulation(lines: pd.DataFrame, minutes: float) -> Any:
     """The line of `by_size` with the least loss of the simulated novice's model.
 
-    Args:
-        lines: of one system.
-        minutes: of recorded data, with which least squares correct the model; 0: the
-            model as it is.
-
-    Returns:
-        The line; None without results.
+    With `minutes` of recorded data, least squares correct the model; 0: the model as it
+    is. `lines` are of one system; without results there is None.
     """
     corrected = lines.method.isin(["corrected", "corrected_averaged"])
     rows = lines[corrected & (lines.proxy == "novice")]
@@ -196,11 +183,7 @@ def agreement(
 ) -> str:
     """On how many validation grounds an SIDM has the smaller loss, as text.
 
-    Args:
-        table: of all systems.
-        system: name of the pair of robots.
-        proxy: the simulated robot that is the SIDM's expert.
-        recordings: folder of the recordings; read only if there are results.
+    The recordings are read only if there are results.
     """
     rows, agree = table[table.system == system], None
     if len(rows):
@@ -213,17 +196,10 @@ def agreement(
 def grounds_agree(
     table: pd.DataFrame, way: Way, other: Way, grounds: np.ndarray
 ) -> tuple[int, int] | None:
-    """On how many validation grounds a way has a smaller loss than another.
+    """On how many of all validation grounds a way has a smaller loss than another.
 
-    Args:
-        table: of one system.
-        way: a method and its proxy.
-        other: the way to compare with; seeds that one of the two lacks are left out.
-        grounds: (N,) number of the ground of each validation window.
-
-    Returns:
-        The number of these grounds and the number of all; None where one of the ways
-        has no results.
+    `grounds` (N,) are those of the validation windows. Seeds that one of the two ways
+    lacks are left out; None where one of them has no results.
     """
     point = ["seed", "novice_minutes"]
     recorded = _recorded(table)
@@ -257,6 +233,16 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
             f"simulated {proxy}, {minutes} min"
         )
     return claim_rows(sidm, names, "less data needed (section 6)")
+
+
+def sidm_ratios(table: pd.DataFrame, proxy: Proxy = "expert") -> dict[str, str]:
+    """System -> the loss with an SIDM by that without it, over all sizes, as text."""
+    compared = compare(table[table.method.isin(["sidm", WITHOUT[0]])], WITHOUT)
+    rows = compared[compared.proxy == proxy]
+    return {
+        row.system: Interval(row.ratio, row.low, row.high).text(2)
+        for row in rows.itertuples()
+    }
 
 
 @styled
@@ -293,5 +279,5 @@ def _draw(axes: Axes, table: pd.DataFrame, way: Way) -> None:
     mean_and_range(axes, losses, **style)
     without_data = rows[rows.novice_minutes == 0].loss
     if len(without_data) and proxy == "novice":
-        text = f"the same, no recorded data{PROXY_WORDS[proxy]}"
+        text = "the last, without recorded data"
         axes.axhline(without_data.mean(), **style | {"label": text, "marker": ""})

@@ -20,7 +20,7 @@ from companion.beyond.several import (
     expert_as_novice,
     fresh_novice,
     nearest_expert,
-    train_several,
+    several_trainer,
 )
 from companion.engine.datasets import digests_of
 from companion.engine.library import Library, dataset_windows
@@ -39,7 +39,7 @@ from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
-from sidm.learning.training import Trained, train
+from sidm.learning.training import Trained, learn, train
 from sidm.learning.units import Standardisation
 from sidm.shards import split_indices
 
@@ -138,12 +138,7 @@ def jobs(
     """The pretrainings with every number of experts and every seed.
 
     Where several experts are asked for, there is also a single one of the family.
-
-    Args:
-        study: preset, data and results.
-        system: name of the pair of robots.
-        counts: numbers of experts.
-        sizes: min of the novice's data; those beyond the preset's pool are left out.
+    `sizes`, min of the novice's data, beyond the preset's pool are left out.
     """
     preset, counts = study.preset, tuple(counts)
     sizes = preset.sizes_in_pool(system, sizes)
@@ -195,10 +190,7 @@ def motion(about: Pretraining) -> dict[Dataset, Sequence[int]]:
 def load_experts(
     about: Pretraining, data: str | Path
 ) -> tuple[dict[str, Windows], Standardisation]:
-    """The experts' motion by name, and the units inside the networks.
-
-    The units are those of all data of the paper's expert.
-    """
+    """The experts' motion by name, and the units, of the paper's expert's data."""
     trial = about.trial
     paper, pixels = trial.datasets["expert"], trial.network.pixels
     whole = dataset_windows(paper, data, pixels)
@@ -211,11 +203,7 @@ def load_experts(
 
 
 def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
-    """Train the SIDM on the experts, then all novices of a job.
-
-    Raises:
-        ShardError: data are missing.
-    """
+    """Train the SIDM on the experts, then all novices of a job."""
     timer = ProvenanceTimer("experts", about, data)
     trial, library = about.trial, Library(data)
     with one_thread():
@@ -285,9 +273,8 @@ def _train_experts(
     folder = weights_folder(data, made_from, "experts", "experts-")
     kept = checkpoint.read(folder)
     if kept is None:
-        trained = train_several(
-            experts, trial.network, trial.pretraining, trial.seed, units
-        )
+        settings = trial.network, trial.pretraining, trial.seed, units
+        trained = learn(several_trainer(experts, *settings))
         history = {"samples": trained.samples, **_test_curve(trained)}
         checkpoint.write(folder, checkpoint.module_tensors(trained.model), history)
         kept = checkpoint.read(folder)
@@ -296,7 +283,6 @@ def _train_experts(
 
 
 def _test_curve(trained: Trained) -> dict[str, tuple]:
-    """The test loss along a training, as fields of a record."""
     fields = curve(trained)
     return {name: fields[name] for name in ("curve_samples", "curve_test_loss")}
 

@@ -124,10 +124,7 @@ def jobs(
     sizes: Iterable[float] = SIZES,
     particles: int = PARTICLES,
 ) -> list[Fit]:
-    """Models with and without SIDM, by likelihood and as twins, of all sizes and seeds.
-
-    `sizes` are in minutes of novice data.
-    """
+    """Models with and without SIDM, by likelihood and as twins, by size and seed."""
     available = study.preset.sizes_in_pool(system, sizes)
     trials = study.points(system, COMPARED, available)
     return [
@@ -138,11 +135,7 @@ def jobs(
 
 
 def measure(about: Fit, data: str | Path = "data") -> FitResult:
-    """Train and evaluate a model.
-
-    Raises:
-        ShardError: data are missing.
-    """
+    """Train and evaluate a model."""
     timer, trial = ProvenanceTimer("uncertainty", about.trial, data), about.trial
     with one_thread():
         library = Library(data)
@@ -181,7 +174,6 @@ def measure(about: Fit, data: str | Path = "data") -> FitResult:
 
 
 def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
-    """The fields of FitResult on a training."""
     return {
         "samples": trained.samples,
         "best_samples": trained.best_samples,
@@ -194,7 +186,6 @@ def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
 def _calibration_fields(
     model: StochasticPredictor, about: Fit, library: Library, draws: int
 ) -> dict[str, Any]:
-    """The fields of FitResult on likelihood and coverage."""
     trial, validation = about.trial, library.motion(about.trial, "validation")
     rng = generator(trial.seed, "validation")
     step = one_step(model, validation, rng, draws)
@@ -234,9 +225,9 @@ def latent_fields(model: DistributionModel, motion: Windows) -> dict[str, Any]:
 
 
 def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
-    """Root mean squared errors (13,) of a model on the test split.
+    """Root mean squared errors (13,), at least 1e-6, on the test split.
 
-    No weights have learned from the test split. The errors are at least 1e-6.
+    No weights have learned from the test split.
     """
     return validation_loss(model, sets.test).float().sqrt().clamp_min(1e-6)
 

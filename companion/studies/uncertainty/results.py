@@ -54,12 +54,11 @@ COVERAGE = (
 def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Models by likelihood and their deterministic twins.
 
-    Returns:
-        A row per system, size, method and way of training: POINT, `seeds`; means of the
-        `loss` of equation (1), the negative log-likelihood (NLL) `nll`, nats a step,
-        and `constant`, the NLL about the same means with the best constant spread. For
-        models by likelihood, also the mean `difference` between the NLL and the twin's,
-        with the ends `low` and `high` of its interval, over seeds that are `pairs`.
+    A row per system, size, method and way of training: POINT, `seeds`; means of the
+    `loss` of equation (1), the negative log-likelihood (NLL) `nll`, nats a step, and
+    `constant`, the NLL about the same means with the best constant spread. For models
+    by likelihood, also the mean `difference` between the NLL and the twin's, with the
+    ends `low` and `high` of its interval, over seeds that are `pairs`.
     """
     rows = of_trials(frame)
     rows = rows.assign(constant=rows.component_losses.map(constant_spread))
@@ -84,22 +83,18 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def constant_spread(component_losses: Sequence[float]) -> float:
-    """The NLL of normal distributions about a model's means, with a constant spread.
-
-    The spread of each component is the one with the least NLL.
-    """
+    """The NLL about a model's means with the constant spread of the least NLL."""
     return float(0.5 * np.log(2 * math.pi * math.e * np.array(component_losses)).sum())
 
 
 def coverage(frame: pd.DataFrame) -> pd.DataFrame:
     """Shares of actual values within the central intervals, means over seeds.
 
-    Returns:
-        A row per model and level: POINT, `level`; the share in `one_step`, mean over
-        the 13 components, with the `least` and the `most` of a component; the share
-        after the `rollout`, mean over forward, sideways and heading, with
-        `rollout_least` and `rollout_most`; the intervals' `width` (3,) after the
-        rollout, m, m, rad; and the `position` error after the rollout, m.
+    A row per model and level: POINT, `level`; the share in `one_step`, mean over the 13
+    components, with the `least` and the `most` of a component; the share after the
+    `rollout`, mean over forward, sideways and heading, with `rollout_least` and
+    `rollout_most`; the intervals' `width` (3,) after the rollout, m, m, rad; and the
+    `position` error after the rollout, m.
     """
     rows = []
     for point, group in of_trials(frame).groupby(POINT, sort=False):
@@ -120,10 +115,8 @@ def coverage(frame: pd.DataFrame) -> pd.DataFrame:
 def quantiles(frame: pd.DataFrame) -> pd.DataFrame:
     """Quantiles of single steps' NLL, its `mean`, and the `mean` NLL of one component.
 
-    The component `w` is that of the quaternion, which the others determine.
-
-    Returns:
-        A row per POINT with means over seeds.
+    The component `w` is that of the quaternion, which the others determine. A row per
+    POINT has means over seeds.
     """
     rows = of_trials(frame)
     names = [f"{level:.0%}" for level in QUANTILES]
@@ -177,10 +170,7 @@ def likelihood_page(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def coverage_page(table: pd.DataFrame) -> pd.DataFrame:
-    """A table made by `coverage` with the columns and headings of a page.
-
-    There is a row for each model.
-    """
+    """A table of `coverage` with the headings of a page, a row for each model."""
     widest = table[table.level == max(LEVELS)].reset_index(drop=True)
     page = _in_words(widest)[[*HEADINGS.values()]]
     columns = {
@@ -255,7 +245,7 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figur
 def coverage_figure(
     frame: pd.DataFrame, minutes: float, systems: Sequence[str] = PAPER_SYSTEMS
 ) -> Figure:
-    """Shares of actual values within the particles' intervals along rollouts.
+    """Shares of actual values within the particles' widest intervals along rollouts.
 
     The models have one size of novice data, in minutes.
     """
@@ -264,21 +254,20 @@ def coverage_figure(
     )
     rows = of_trials(frame)
     rows = rows[rows.novice_minutes == minutes]
+    level = max(LEVELS)
     figure, plots = system_panels(rows, systems, f"{{}}, {minutes:g} min", **axis)
     for axes, shown in plots:
         groups = shown.groupby(["method", "likelihood"], sort=False)
         for (method, likelihood), group in groups:
-            # (L, K), mean over seeds and directions
+            # (K,), mean over seeds and directions
             shares = np.mean(group.steps_coverage.tolist(), axis=(0, -1))
-            style = _style(method, bool(likelihood)) | {"marker": ""}
             time = CONTROL_STEP * (1 + np.arange(shares.shape[1]))
-            for of_level in shares:
-                axes.plot(time, of_level, **style)
-                style["label"] = None  # once in the legend
-        for level in LEVELS if len(shown) else ():
+            style = _style(method, bool(likelihood)) | {"ms": 4}
+            axes.plot(time, shares[LEVELS.index(level)], **style)
+        if len(shown):
             axes.axhline(level, color="0.5", lw=1, linestyle="-", marker="")
-            text = f"{level:.0%} intervals should hold this"
-            axes.text(2.5, level - 0.01, text, ha="right", va="top", fontsize=9)
+            text = f"{level:.0%} of cases should lie within"
+            axes.text(2.5, level + 0.01, text, ha="right", va="bottom", fontsize=10)
         finish(axes, legend=False)
     legend_below(figure, figure.axes)
     return figure

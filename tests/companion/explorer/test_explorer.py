@@ -196,7 +196,7 @@ def test_the_page_has_what_was_stored_and_keeps_within_its_size(stored, tmp_path
 
 
 def test_the_page_says_what_the_rides_show(stored):
-    """The page's figures under 'What to look for' follow from the braked set-ups.
+    """The page's figures below the sliders follow from the rides with held struts.
 
     Soft springs let a strut use nearly all of its travel.
     """

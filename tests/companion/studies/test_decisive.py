@@ -17,8 +17,9 @@ from companion.statistics.claims import (
     NO_VERDICT,
     NOT_SEEN,
     REPRODUCED,
+    verdict,
 )
-from companion.statistics.data_ratio import data_ratio
+from companion.statistics.efficiency import data_ratio
 from companion.statistics.intervals import mean_ratio, p_value
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import (
@@ -29,7 +30,6 @@ from companion.studies.decisive import (
     figures,
     further,
     search,
-    sensitivity,
     stopping_charts,
     stopping_point,
     verdicts,
@@ -43,7 +43,7 @@ from companion.studies.decisive.arms import (
     restricted,
 )
 from companion.studies.decisive.design import STEPS
-from companion.studies.decisive.verdicts import ALONE_SIZES, END, RELEASED, verdict_of
+from companion.studies.decisive.verdicts import ALONE_SIZES, END, RELEASED
 from ownrobot.comparison.statistics import Interval
 from sidm.config import ConfigError
 
@@ -233,8 +233,8 @@ def test_the_page_has_the_published_numbers(make_results):
     judged = verdicts.verdicts(results)
     recipe = next(one for one in contents["recipes"] if one["id"] == "R-system1")
     chosen = results[(results.recipe == "R") & (results.system == "system1")]
-    for verdict, rule in (("R1", verdicts.RELEASED), ("R2", verdicts.END)):
-        published = line(judged, verdict, "system1")
+    for name, rule in (("R1", verdicts.RELEASED), ("R2", verdicts.END)):
+        published = line(judged, name, "system1")
         (shown,) = recipe["rules"][rule]["saving"]["data 5"]
         assert shown == pytest.approx(
             [published.value, published.low, published.high], rel=1e-3
@@ -297,7 +297,7 @@ def test_a_curve_that_does_not_get_there_is_a_bound_without_a_value():
     few = data_ratio(SIZES, three[:2], np.array([0.3, 0.3]), 5.0)
     assert few.text() == "no value"
     for ratio in (above, shorter, below, both, few):
-        assert verdict_of(ratio, 20.0) == NO_VERDICT
+        assert verdict(Interval(*ratio[:3]), 1.0, 20.0) == NO_VERDICT
 
 
 def test_progress_counts_trainings_and_their_hours(study, make_row, tmp_path):
@@ -421,11 +421,11 @@ def test_the_rivals_best_seed_lowers_the_ratio(study, put):
     # results of one recipe alone have the types that figures compute with
     frame = verdicts.results(study, Results(study.results))
     assert frame.validation_loss.dtype == float and set(frame.recipe) == {"R"}
-    plain = sensitivity.ratio_at_best(frame, "system1", ())
-    best = sensitivity.ratio_at_best(frame, "system1", ALONE_SIZES[2:])
+    plain = along.ratio_at_best(frame, "system1", ())
+    best = along.ratio_at_best(frame, "system1", ALONE_SIZES[2:])
     assert plain.value == pytest.approx(4, rel=0.15)
     assert best.value == pytest.approx(2.9, rel=0.05)
-    counted = sensitivity.ended_by_rule(frame)
+    counted = along.ended_by_rule(frame)
     assert counted.trainings.eq(5).all() and counted.ended.isin([0, 5]).all()
 
 

@@ -10,10 +10,10 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from ownrobot.fitting.learning import learn, network_for, refuse_method
 from ownrobot.fitting.settings import SETTINGS
 from ownrobot.methods import boosting, gaussian_fitting, least_squares, trivial
-from ownrobot.methods.forest import Forest
 from ownrobot.methods.gaussian_fitting import Samples, condition
 from ownrobot.methods.map_features import NAMES, map_features
 from ownrobot.methods.registry import METHODS
+from ownrobot.methods.trees import Forest
 from sidm.body import ROVER, Body
 from sidm.config import ConfigError, replace
 from sidm.learning import Datasets, Standardisation, validation_loss

@@ -1,0 +1,92 @@
+"""Values with their intervals as labelled dots: a row for each, plots side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from companion.figures.style import METHOD_STYLES, share_labels
+from sidm.plots import finish, side_by_side, styled
+
+WIDTH, ROW, AROUND = 9.4, 0.33, 1.2  # inch: of a figure, for each row, around the rows
+TICKS = 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0
+ROOM = 1.08  # factor beyond the widest interval
+#: Methods that have their own colour here, too; the others are told by their rows.
+COLOURED = ("sidm", "novice_only", "pretrain_finetune")
+NEUTRAL = "#333333"
+
+
+@styled
+def dot_plot(
+    table: pd.DataFrame,
+    xlabel: str,
+    panels: Sequence[str] = (),
+    ticks: Sequence[float] = TICKS,
+) -> Figure:
+    """Ratios as dots with their intervals, and each ratio as a number beside its row.
+
+    Args:
+        table: a row per dot, in the order of the rows: `panel` and `row`, the titles of
+            its plot and its row, its `group`, a heading above rows or '', `method`,
+            `value`, and `low` and `high`, NaN without an interval.
+        xlabel: what a ratio is; a line marks the ratio 1.
+        panels: titles of the plots, in their order; that of the table by default.
+        ticks: places of the ticks, those in the range of the data.
+    """
+    found = set(table.panel)
+    names = [name for name in panels or dict.fromkeys(table.panel) if name in found]
+    lines = _lines(table)
+    drawn, plots = side_by_side(max(1, len(names)))
+    drawn.set_size_inches(WIDTH, AROUND + ROW * max(5, len(lines)))
+    ends = table[["value", "low", "high"]].to_numpy(float)
+    if len(ends):
+        limits = np.nanmin(ends) / ROOM, np.nanmax(ends) * ROOM
+        ticks = [tick for tick in ticks if limits[0] < tick < limits[1]]
+    for axes, name in zip(plots, names, strict=False):
+        axes.axvline(1.0, color="0.5", linestyle=":", marker="", zorder=0)
+        axes.set(title=name, xscale="log", xlabel=xlabel, xlim=limits)
+        _draw(axes, table[table.panel == name], lines)
+    for axes in plots:
+        finish(axes, ticks if len(ends) else (), legend=False)
+    if lines:
+        _name_rows(plots[0], lines)
+        share_labels(plots)
+    return drawn
+
+
+def _lines(table: pd.DataFrame) -> list[tuple[str, str]]:
+    """Group and row of each line from above; a heading has no row."""
+    lines: list[tuple[str, str]] = []
+    for group, rows in table.groupby("group", sort=False):
+        lines += [(str(group), "")] if group else []
+        lines += [(str(group), row) for row in dict.fromkeys(rows.row)]
+    return lines
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, lines: Sequence[tuple[str, str]]) -> None:
+    """Draw the dots of a plot, their intervals, and their numbers to the right."""
+    heights = [lines.index(line) for line in zip(rows.group, rows.row, strict=True)]
+    colours = [
+        METHOD_STYLES[method]["color"] if method in COLOURED else NEUTRAL
+        for method in rows.method
+    ]
+    axes.hlines(heights, rows.low, rows.high, colors=colours, linewidth=1.6)
+    axes.scatter(rows.value, heights, c=colours, s=38, zorder=3)
+    across = axes.get_yaxis_transform()
+    for height, value in zip(heights, rows.value, strict=True):
+        text = f"{value:#.2g}".rstrip(".")
+        place: dict[str, Any] = {"transform": across, "va": "center"}
+        axes.text(1.02, height, text, fontsize=10, **place)
+
+
+def _name_rows(axes: Axes, lines: Sequence[tuple[str, str]]) -> None:
+    """Write the names of the rows, and the headings in bold."""
+    axes.set_yticks(range(len(lines)), [row or group for group, row in lines])
+    axes.set_ylim(len(lines) - 0.5, -0.5)
+    for label, (_, row) in zip(axes.get_yticklabels(), lines, strict=True):
+        label.set_fontweight("normal" if row else "bold")
