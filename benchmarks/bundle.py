@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import torch
 from released import ReleasedLoop
-from torch.utils._python_dispatch import TorchDispatchMode
-from work import operations, random_data
+from work import random_data
 
 from companion.bundle import Run, train_bundle
 from companion.bundle.bundle import Bundle
@@ -28,7 +27,6 @@ from companion.bundle.device_data import DeviceData
 from sidm.learning import PAPER_NETWORK, RELEASED_NETWORK, Network, Training, train
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import prediction_phase
-from sidm.systems import ROLES
 
 
 class Case(NamedTuple):
@@ -37,8 +35,7 @@ class Case(NamedTuple):
     name: str
     network: Network
     trials: int  # trained side by side
-    #: 'float32', 'tf32' (products in TensorFloat-32) or 'bfloat16' (in the encoders)
-    precision: str
+    precision: str  # 'float32' or 'tf32' (products in TensorFloat-32)
 
 
 SMALL = Network(pixels=16, layers=1, hidden=32, encoder_hidden=32)
@@ -46,7 +43,6 @@ LARGE = Network(pixels=64, layers=4, hidden=1024)
 ON_GPU = [
     *(Case("3 x 256, 64 px", RELEASED_NETWORK, m, "float32") for m in (1, 8, 32, 128)),
     Case("3 x 256, 64 px", RELEASED_NETWORK, 128, "tf32"),
-    Case("3 x 256, 64 px", RELEASED_NETWORK, 128, "bfloat16"),
     *(Case("4 x 1024, 64 px", LARGE, m, "tf32") for m in (1, 8, 32)),
     *(Case("4 x 1024, 300 px", PAPER_NETWORK, m, "tf32") for m in (1, 4, 8)),
 ]
@@ -56,31 +52,10 @@ PHASE = 10  # prediction iterations between two readings of the clock
 FIGURE3 = 320  # trials of the paper's Figure 3
 
 
-class Traffic(TorchDispatchMode):
-    """Counts the bytes of all tensors that operations read and write.
-
-    Each operation is counted as if caches and fused kernels kept nothing.
-    """
-
-    def __init__(self) -> None:
-        """Start at zero bytes."""
-        super().__init__()
-        self.bytes = 0
-
-    def __torch_dispatch__(self, function, types, arguments=(), options=None):
-        """Run one operation and count its tensors, unless it only makes a view."""
-        result = function(*arguments, **(options or {}))
-        if not function.is_view:
-            leaves, _ = torch.utils._pytree.tree_flatten((arguments, result))
-            tensors = [leaf for leaf in leaves if isinstance(leaf, torch.Tensor)]
-            self.bytes += sum(t.numel() * t.element_size() for t in tensors)
-        return result
-
-
-def settings(case: Case, phase: int = PHASE) -> Training:
+def settings(case: Case) -> Training:
     """Training settings: batches of 8 trajectories as in `released`, never a test."""
     return Training(
-        prediction_iterations=phase,
+        prediction_iterations=PHASE,
         test_interval=10**6,
         max_samples=10**9,
         precision=case.precision,
@@ -106,22 +81,23 @@ def per_second(work: Callable[[], int], device: torch.device, seconds: float) ->
     return done / (time.perf_counter() - start)
 
 
-def make_bundle(case: Case, device: torch.device, phase: int = PHASE) -> Bundle:
+def make_bundle(case: Case, device: torch.device) -> Bundle:
     """A bundle of trials that differ only in their seeds."""
-    sets, training = random_data(case.network.pixels), settings(case, phase)
-    data = dict.fromkeys(ROLES, DeviceData([sets.train], device))
-    bundle = Bundle(data, case.network, training, ROLES, case.trials, device)
-    for seed in range(case.trials):
-        bundle.join(BundledTrial(seed, Run(sets, training, seed), case.network, data))
-    return bundle
+    sets, training = random_data(case.network.pixels), settings(case)
+    data = DeviceData([sets.train], device)
+    trials = [
+        BundledTrial(seed, Run(sets, training, seed), case.network, data)
+        for seed in range(case.trials)
+    ]
+    return Bundle(trials, data, device)
 
 
 def bundle_phase(bundle: Bundle) -> int:
     """Run one prediction phase of a bundle and return its number of samples."""
     bundle.prediction_phase()
-    training, steps = bundle.training, bundle.data["novice"].steps
-    iterations = len(bundle.slots) * training.prediction_iterations
-    return iterations * training.batch * steps
+    training = bundle.training
+    iterations = len(bundle.trials) * training.prediction_iterations
+    return iterations * training.batch * bundle.trials[0].steps
 
 
 def single(case: Case, device: torch.device) -> Callable[[], int]:
@@ -137,43 +113,11 @@ def single(case: Case, device: torch.device) -> Callable[[], int]:
     return work
 
 
-def ceilings(device: torch.device) -> dict[str, float]:
-    """Highest rates of the device: operations a second by precision, bytes a second.
-
-    The operations are those of matrix products; 'copy' has the bytes of a copy.
-    """
-    size = 8192 if device.type == "cuda" else 1024
-    rates = {}
-    for precision in ("float32", "tf32", "bfloat16"):
-        kind = torch.bfloat16 if precision == "bfloat16" else torch.float32
-        left, right = torch.randn(2, size, size, device=device, dtype=kind)
-        allow_tf32(precision)
-        rates[precision] = per_second(
-            # ndim is the 2 of the 2 n^3 operations of a product
-            lambda a=left, b=right: torch.mm(a, b).ndim * size**3,
-            device,
-            1.0,
-        )
-    source = torch.zeros(2**28 if device.type == "cuda" else 2**25, device=device)
-    target = torch.zeros_like(source)
-    # 4 bytes of each number are read, 4 written
-    rates["copy"] = per_second(lambda: target.copy_(source).numel() * 8, device, 1.0)
-    return rates
-
-
 def allow_tf32(precision: str) -> None:
     """Let products of float32 matrices round to TensorFloat-32 only for 'tf32'."""
     allowed = precision == "tf32"
     torch.backends.cuda.matmul.allow_tf32 = allowed
     torch.backends.cudnn.allow_tf32 = allowed
-
-
-def bytes_a_sample(case: Case) -> float:
-    """Bytes that a training iteration of one trial reads and writes, by sample."""
-    alone = make_bundle(case._replace(trials=1), torch.device("cpu"), phase=1)
-    with closing(alone) as bundle, Traffic() as traffic:
-        samples = bundle_phase(bundle)
-    return traffic.bytes / samples
 
 
 def agreement(device: torch.device) -> float:
@@ -194,59 +138,33 @@ def agreement(device: torch.device) -> float:
     return worst
 
 
-class Reference(NamedTuple):
-    """Figures of a network with which its bundles are compared."""
-
-    single: float  # samples a second of a single training
-    released: float  # samples a second of the stand-in of the released loop
-    operations: float  # of a sample
-    bytes: float  # of a sample, read and written
-
-
-def reference(case: Case, device: torch.device, seconds: float) -> Reference:
-    """Measure the figures with which bundles of the case's network are compared."""
-    network = case.network
-    loop = ReleasedLoop(network.pixels, network, str(device))
-    sets = random_data(network.pixels)
-    return Reference(
-        per_second(single(case, device), device, seconds),
-        per_second(loop.iterate, device, seconds),
-        operations(Trainer(sets, network, settings(case, phase=1), 0)),
-        bytes_a_sample(case),
-    )
-
-
 def measure(cases: Iterable[Case], device: torch.device, seconds: float) -> float:
     """Print a line for each case.
 
     Returns:
         The most samples a second that bundles of the first network made.
     """
-    limits, first, best = ceilings(device), None, 0.0
-    units = {name: "TB/s" if name == "copy" else "TFLOP/s" for name in limits}
     print(
-        ", ".join(f"{name} {limits[name] / 1e12:.3g} {units[name]}" for name in units)
+        "network, precision, M: trial-iterations/s; samples/s; x single; x released way"
     )
-    print(
-        "network, precision, M: trial-iterations/s; samples/s; of products; "
-        "of copies; x single; x released way"
-    )
-    references: dict[Network, Reference] = {}
+    first, best = None, 0.0
+    compared: dict[Network, tuple[float, float]] = {}
     for case in cases:
         allow_tf32(case.precision)
-        if case.network not in references:
-            references[case.network] = reference(case, device, seconds)
-        compared = references[case.network]
+        if case.network not in compared:
+            loop = ReleasedLoop(case.network.pixels, case.network, str(device))
+            compared[case.network] = (
+                per_second(single(case, device), device, seconds),
+                per_second(loop.iterate, device, seconds),
+            )
+        alone, released = compared[case.network]
         with closing(make_bundle(case, device)) as bundle:
             rate = per_second(functools.partial(bundle_phase, bundle), device, seconds)
         first = first or case.network
         best = max(best, rate) if case.network == first else best
         print(
-            f"{case.name}, {case.precision}, {case.trials:4d}: "
-            f"{rate / 512:9.1f}; {rate:11.0f}; "
-            f"{rate * compared.operations / limits[case.precision]:.3f}; "
-            f"{rate * compared.bytes / limits['copy']:.3f}; "
-            f"{rate / compared.single:.2f}; {rate / compared.released:.2f}",
+            f"{case.name}, {case.precision}, {case.trials:4d}: {rate / 512:9.1f}; "
+            f"{rate:11.0f}; {rate / alone:.2f}; {rate / released:.2f}",
             flush=True,
         )
     return best

@@ -17,7 +17,7 @@ _MODULES = {
     "companion.engine.records": "StoreError",
     "companion.study": "Study",
     "companion.engine.run": "collect_and_run run",
-    "companion.engine.datasets": "collect_datasets",
+    "companion.engine.datasets": "all_datasets collect_motion",
     "companion.engine.execute": "perform run_trial",
 }
 __all__, __getattr__, __dir__ = public(__name__, _MODULES)

@@ -18,8 +18,8 @@ RETRIES = 10  # times that a task is repeated because its worker was lost
 
 
 @contextlib.contextmanager
-def dask_executor(address: str) -> Iterator[Executor]:
-    """An executor on a Dask cluster, closed at the end of the block.
+def executor_at(address: str | None) -> Iterator[Executor | None]:
+    """An executor on a Dask cluster, closed at the end of the block; None for None.
 
     Args:
         address: of the cluster's scheduler, 'tcp://HOST:PORT' or the path of a
@@ -29,6 +29,9 @@ def dask_executor(address: str) -> Iterator[Executor]:
         ImportError: Dask is not installed; the message is one line.
         OSError: no scheduler answers at the address; the message is one line.
     """
+    if address is None:
+        yield None
+        return
     try:
         from distributed import Client
     except ImportError:
@@ -44,18 +47,3 @@ def dask_executor(address: str) -> Iterator[Executor]:
         ) from None
     with client:
         yield client.get_executor(pure=False, retries=RETRIES)
-
-
-@contextlib.contextmanager
-def executor_at(address: str | None) -> Iterator[Executor | None]:
-    """The executor of a Dask cluster, closed at the end of the block.
-
-    Args:
-        address: as in `dask_executor`; None: no cluster is used, and the block gets
-            None.
-    """
-    if address is None:
-        yield None
-        return
-    with dask_executor(address) as executor:
-        yield executor

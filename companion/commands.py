@@ -143,16 +143,11 @@ def run_run(arguments: argparse.Namespace) -> int:
 
 def _run_study(arguments: argparse.Namespace) -> int:
     """Run a study or a measurement, whose results are not trials."""
-    from companion import registry
+    from companion import Study, registry
 
-    missing = registry.run(
-        arguments.figure,
-        _preset(arguments),
-        arguments.system,
-        arguments.workers,
-        arguments.data,
-        arguments.results,
-    )
+    study = Study(_preset(arguments), arguments.data, arguments.results)
+    entry = registry.find(arguments.figure)
+    missing = entry.run(study, arguments.system, arguments.workers)
     print(f"missing: {len(missing)}")
     return 1 if missing else 0
 
@@ -170,17 +165,15 @@ def run_show(arguments: argparse.Namespace) -> int:
     if arguments.against:
         return _show_against(Results(arguments.against), store)
     preset = _preset(arguments)
-    folders = arguments.data, arguments.results
+    study = Study(preset, arguments.data, folder)
     if not registry.is_grid(arguments.figure):
-        lines, missing = registry.overview(
-            arguments.figure, preset, arguments.system, *folders
-        )
+        entry = registry.find(arguments.figure)
+        lines, missing = entry.overview(study, arguments.system)
         print("\n".join([*lines, f"missing: {missing}"]))
         return 0
     trials = _trials(arguments, preset)
     words = " ".join([arguments.preset, *arguments.changes])
     print(f"preset {words}, figure {arguments.figure}: {len(trials)} trials")
-    study = Study(preset, *folders)
     if arguments.figure == "decisive":
         lines, unknown = overview_by_step(study, store, trials)
     else:

@@ -152,11 +152,7 @@ def grid(
 def _with_values(
     trials: list[Trial], name: str, field: str, values: Sequence[float] | None
 ) -> list[Trial]:
-    """The trials whose `field` has one of the `values`; all trials for None.
-
-    Raises:
-        ConfigError: no trial has one of the values; the message calls them `name`.
-    """
+    """The trials whose `field` has one of the `values`; all trials for None."""
     if values is None:
         return trials
     known = sorted({getattr(trial, field) for trial in trials})

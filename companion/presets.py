@@ -208,13 +208,7 @@ class Preset:
     def with_motion(
         self, motion: str, pool_minutes: float, validation_minutes: float
     ) -> Preset:
-        """This preset with other motion of the novice, and no sizes for Figure 3.
-
-        Args:
-            motion: its purpose, a key of `trials.MOTION`.
-            pool_minutes: size of the novice pools, min.
-            validation_minutes: motion for validation, min.
-        """
+        """This preset with other motion of the novice, and no sizes for Figure 3."""
         return self.replace(
             motion=motion,
             validation_minutes=validation_minutes,
@@ -252,10 +246,6 @@ class Preset:
             **changes: values of the preset, of its network or of its training, each by
                 its field's name. `p_expert` and `regularise` are not known here,
                 because each method sets them.
-
-        Raises:
-            ConfigError: an unknown name, with the nearest known one, or a value of the
-                wrong type.
         """
         values = dict(vars(self))
         values["tuned"] = tuple(row for row in self.tuned if row[1] not in changes)

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 from companion.grids import FIGURES, FORMER, find_figure
 from companion.numerics import versions
-from companion.presets import Preset
 from companion.study import Study
 from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError, unknown_name
@@ -48,25 +47,74 @@ class RecordStudy(NamedTuple):
         trial = job if isinstance(job, Trial) else getattr(job, "trial", None)
         return {**motion_of([trial] if trial else [])}
 
+    def jobs(self, study: Study, pair: str | None) -> dict[str, list[Any]]:
+        """The jobs by pair of robots; of all pairs for None."""
+        if pair is not None and pair not in self.pairs:
+            name, pairs = self.name.replace("_", "-"), ", ".join(self.pairs)
+            raise ConfigError(f"study '{name}' is about {pairs}, not {pair}")
+        asked = self.pairs if pair is None else (pair,)
+        return {one: list(self.module.jobs(study, one)) for one in asked}
+
+    def run(self, study: Study, pair: str | None, workers: int) -> list[str]:
+        """Measure what is missing; what is missing then, a line for each job."""
+        # several pairs may share a job
+        jobs = list(dict.fromkeys(sum(self.jobs(study, pair).values(), [])))
+        self.run_jobs(jobs, workers, study.data, study.results)
+        return list(map(str, self.module.records(study.results).missing(jobs)))
+
+    def run_jobs(
+        self, jobs: Iterable[Any], workers: int, data: str | Path, results: str | Path
+    ) -> None:
+        """Simulate the motion that missing jobs need, and measure them."""
+        from companion.engine.datasets import collect_motion
+
+        store = self.module.records(results)
+        missing = store.missing(list(dict.fromkeys(jobs)))
+        needed: dict[Dataset, set[int]] = {}
+        for job in missing:
+            for dataset, which in self.motion(job).items():
+                needed.setdefault(dataset, set()).update(which)
+        motion = {dataset: sorted(which) for dataset, which in needed.items()}
+        folder, robots = Path(data).absolute(), getattr(self.module, "robots", None)
+        work = functools.partial(self.module.measure, data=folder)
+        with local_pool(workers) as pool:
+            collect_motion(motion, data, executor=pool, robots=robots)
+            store.run(missing, work, pool, self.name.replace("_", "-"))
+
+    def overview(self, study: Study, pair: str | None) -> tuple[list[str], int]:
+        """A line for each pair of robots, and the number of missing results."""
+        lines, missing, records = [], set(), self.module.records(study.results)
+        for name, listed in self.jobs(study, pair).items():
+            jobs = list(dict.fromkeys(listed))
+            stored = records.stored(jobs)
+            stale = sum(record.provenance.stale for record in stored)
+            lines.append(f"{name}: stored {len(stored)} of {len(jobs)}  stale {stale}")
+            missing |= set(records.missing(jobs))
+        return lines, len(missing)
+
 
 class Measurement(NamedTuple):
-    """A measurement whose result is one file."""
+    """A measurement whose result is one file; it is about no single pair of robots."""
 
-    module_name: str
+    module: str
     file: str  # path below the results folder
     kind: str = ""  # key of numerics.NUMERICS; '': the file is never stale
 
-    def make(self, study: Study, workers: int) -> None:
-        """Measure, and write the file."""
-        importlib.import_module(self.module_name).make(study, workers)
+    def run(self, study: Study, pair: str | None, workers: int) -> list[str]:
+        """Measure, and write the file, where it lacks or is stale."""
+        if self.is_stale(study.results) is not False:
+            importlib.import_module(self.module).make(study, workers)
+        return []
 
-    def is_stale(self, results: str | Path) -> bool | None:
-        """Whether other versions than today's made the file; None if there is no file.
+    def overview(self, study: Study, pair: str | None) -> tuple[list[str], int]:
+        """A line on the file, and how many files are missing."""
+        stale = self.is_stale(study.results)
+        state = {None: "missing", True: "stored, stale", False: "stored"}[stale]
+        return [f"{study.results / self.file}: {state}"], int(stale is not False)
 
-        Raises:
-            ConfigError: the file is damaged; the message is one line.
-        """
-        path = Path(results) / self.file
+    def is_stale(self, results: Path) -> bool | None:
+        """Whether other versions than today's made the file; None without a file."""
+        path = results / self.file
         try:
             record = read_record(path)
         except FileNotFoundError:
@@ -117,11 +165,7 @@ _FORMER = FORMER | {"elsewhere": "recorded-targets", "experts": "several-experts
 
 
 def is_grid(name: str) -> bool:
-    """Whether a name is that of a grid of trials, or 'all' for all grids.
-
-    Raises:
-        ConfigError: there is no such name; the message gives the nearest.
-    """
+    """Whether a name is that of a grid of trials, or 'all' for all grids."""
     if name in _FORMER:
         raise ConfigError(f"figure '{name}' is called '{_FORMER[name]}' now")
     if name in (*STUDIES, *MEASUREMENTS):
@@ -131,38 +175,9 @@ def is_grid(name: str) -> bool:
     return True
 
 
-def run(
-    name: str,
-    preset: Preset,
-    pair: str | None,
-    workers: int,
-    data: str | Path,
-    results: str | Path,
-) -> list[str]:
-    """Simulate and measure what is missing of a study or a measurement.
-
-    Args:
-        name: a key of STUDIES or MEASUREMENTS.
-        preset: the sizes.
-        pair: the pair of robots, for a study of several; None: all pairs.
-        workers: number of processes.
-        data: folder of the data.
-        results: folder of the results.
-
-    Returns:
-        What is still missing, a line for each job.
-
-    Raises:
-        ConfigError: the study is not about this pair.
-    """
-    study = Study(preset, Path(data), Path(results))
-    if name in MEASUREMENTS:
-        if MEASUREMENTS[name].is_stale(results) is not False:
-            MEASUREMENTS[name].make(study, workers)
-        return []
-    jobs = _jobs(STUDIES[name], study, pairs_of(name, pair))
-    run_jobs(name, jobs, workers, data, results)
-    return list(map(str, STUDIES[name].module.records(results).missing(jobs)))
+def find(name: str) -> RecordStudy | Measurement:
+    """The study or measurement of a name."""
+    return STUDIES[name] if name in STUDIES else MEASUREMENTS[name]
 
 
 def run_jobs(
@@ -171,87 +186,6 @@ def run_jobs(
     workers: int = 2,
     data: str | Path = "data",
     results: str | Path = "results",
-    **options: Any,
 ) -> None:
-    """Simulate the motion that missing jobs of a study need, and measure them.
-
-    Args:
-        name: a key of STUDIES.
-        jobs: of the study's `jobs`.
-        workers: number of processes.
-        data: folder of the data.
-        results: folder of the results.
-        **options: further arguments of the study's `measure`.
-    """
-    from companion.engine.datasets import collect_motion
-
-    entry = STUDIES[name]
-    store = entry.module.records(results)
-    missing = store.missing(list(dict.fromkeys(jobs)))
-    needed: dict[Dataset, set[int]] = {}
-    for job in missing:
-        for dataset, which in entry.motion(job).items():
-            needed.setdefault(dataset, set()).update(which)
-    work = functools.partial(
-        entry.module.measure, data=Path(data).absolute(), **options
-    )
-    with local_pool(workers) as pool:
-        collect_motion(
-            {dataset: sorted(which) for dataset, which in needed.items()},
-            data,
-            executor=pool,
-            robots=getattr(entry.module, "robots", None),
-        )
-        store.run(missing, work, pool, name)
-
-
-def pairs_of(name: str, pair: str | None) -> Sequence[str]:
-    """The pairs of robots that a study is about, or the one that is asked for.
-
-    Raises:
-        ConfigError: the study is not about `pair`.
-    """
-    pairs = STUDIES[name].pairs
-    if pair is not None and pair not in pairs:
-        raise ConfigError(f"study '{name}' is about {', '.join(pairs)}, not {pair}")
-    return pairs if pair is None else (pair,)
-
-
-def _jobs(entry: RecordStudy, study: Study, pairs: Sequence[str]) -> list[Any]:
-    """The jobs of a study for some pairs, each once, as several pairs may share one."""
-    jobs = (job for pair in pairs for job in entry.module.jobs(study, pair))
-    return list(dict.fromkeys(jobs))
-
-
-def overview(
-    name: str, preset: Preset, pair: str | None, data: str | Path, results: str | Path
-) -> tuple[list[str], int]:
-    """What is stored of a study or a measurement.
-
-    Args:
-        name: a key of STUDIES or MEASUREMENTS.
-        preset: the sizes.
-        pair: the pair of robots, for a study of several; None: all pairs.
-        data: folder of the data.
-        results: folder of the results.
-
-    Returns:
-        Lines of text, a line for each pair or file, and the number of missing results.
-
-    Raises:
-        ConfigError: the study is not about this pair.
-    """
-    if name in MEASUREMENTS:
-        stale = MEASUREMENTS[name].is_stale(results)
-        state = {None: "missing", True: "stored, stale", False: "stored"}[stale]
-        path = Path(results) / MEASUREMENTS[name].file
-        return [f"{path}: {state}"], int(stale is not False)
-    entry = STUDIES[name]
-    lines, missing, records = [], set(), entry.module.records(results)
-    for pair_name in pairs_of(name, pair):
-        jobs = _jobs(entry, Study(preset, data, results), [pair_name])
-        stored = records.stored(jobs)
-        stale = sum(record.provenance.stale for record in stored)
-        lines.append(f"{pair_name}: stored {len(stored)} of {len(jobs)}  stale {stale}")
-        missing |= set(records.missing(jobs))
-    return lines, len(missing)
+    """Run jobs of a study of STUDIES, see `RecordStudy.run_jobs`."""
+    STUDIES[name].run_jobs(jobs, workers, data, results)

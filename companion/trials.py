@@ -44,11 +44,6 @@ class Dataset:
 def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]:
     """The four datasets of one system.
 
-    Args:
-        sizes: a Trial or a Preset, which has the sizes, the policy and the motion.
-        system: the pair of robots.
-        pool_minutes: motion in the novice pool, min.
-
     Returns:
         'novice' (the pool), 'expert', 'validation' and 'rollout'.
     """

@@ -18,10 +18,7 @@ DESCRIPTION = (
     "Dynamics models of your own robot from recorded drives. Exit status: 0; 1 when "
     "something failed; 2 for arguments that cannot be used."
 )
-COMMANDS = (
-    *("demo", "check", "body", "fit", "compare", "evaluate", "predict"),
-    "replay",
-)
+COMMANDS = "demo check body fit compare evaluate predict replay".split()
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -29,14 +26,9 @@ def build_parser() -> argparse.ArgumentParser:
     parser = Parser(prog="ownrobot", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
     add = command_adder(parser, COMMANDS)
-    add_demo(add)
-    add_check(add)
-    add_body(add)
-    add_fit(add)
-    add_compare(add)
-    add_evaluate(add)
-    add_predict(add)
-    add_replay(add)
+    looking, using = (add_check, add_body), (add_evaluate, add_predict, add_replay)
+    for add_one in (add_demo, *looking, add_fit, add_compare, *using):
+        add_one(add)
     return parser
 
 

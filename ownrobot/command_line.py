@@ -15,7 +15,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from typing import NoReturn, Protocol, TextIO
+from typing import NoReturn, TextIO
 
 from sidm.config import ConfigError, DataError, Notice, first_line, hint
 
@@ -23,19 +23,9 @@ from sidm.config import ConfigError, DataError, Notice, first_line, hint
 Command = Callable[[argparse.Namespace], int]
 
 
-class AddCommand(Protocol):
-    """Adds a command to a parser and returns the command's own parser.
-
-    The arguments are the command's name, its function, its help and, for those of
-    `ownrobot`, examples and what else stands below the options.
-    """
-
-    def __call__(
-        self, name: str, work: Command, help: str, examples: str = ""
-    ) -> argparse.ArgumentParser:
-        """Add the command."""
-        ...
-
+#: Adds a command and returns its own parser. The arguments are the command's name, its
+#: function, its help and, for those of `ownrobot`, what else stands below the options.
+AddCommand = Callable[..., argparse.ArgumentParser]
 
 GOES_ON = "the same command goes on where this one was"
 

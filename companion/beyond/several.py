@@ -20,7 +20,6 @@ from sidm.learning.model import DynamicsModel
 from sidm.learning.sampler import Sampler
 from sidm.learning.seeds import generator
 from sidm.learning.trainer import Trainer
-from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation
 from sidm.settings import Network, Training
 from sidm.shards import split_indices
@@ -60,10 +59,11 @@ def several_trainer(
     seed: int,
     standardisation: Standardisation,
 ) -> Trainer:
-    """A model of several experts in training.
+    """An SIDM, and an encoder and a decoder for each expert, in training.
 
-    Three of four windows of each expert are for training, one is for the test loss.
-    Settings with a novice, or with hooks of the training loop, raise ConfigError.
+    Three of four windows of each expert are for training, one is for the test loss:
+    training stops when the mean of the experts' test losses rises. Settings with a
+    novice, or with hooks of the training loop, raise ConfigError.
     """
     if training.needs_expert or training.hooks():
         raise ConfigError(
@@ -93,21 +93,6 @@ def several_trainer(
         test_loss=test_loss,
         with_validation=False,
     )
-
-
-def train_several(
-    experts: Mapping[str, Windows],
-    network: Network,
-    training: Training,
-    seed: int,
-    standardisation: Standardisation,
-) -> Trained:
-    """Train one SIDM, and an encoder and a decoder for each expert, by Algorithm 1.
-
-    Training stops when the mean of the experts' test losses rises. Settings with a
-    novice raise ConfigError; a loss that is not finite, TrainingError.
-    """
-    return learn(several_trainer(experts, network, training, seed, standardisation))
 
 
 def expert_as_novice(model: DynamicsModel, role: str) -> Weights:

@@ -1,19 +1,21 @@
-"""Adam for the stacked weights of M trials.
-
-Each trial decides at every step which of its parts are updated.
-"""
+"""Adam for the stacked weights of M trials, each of which steps when it is due."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
-
-from companion.bundle.fused import fits_kernels
+from torch import Tensor, nn
 
 BETAS, EPSILON = (0.9, 0.999), 1e-8  # PyTorch's defaults
+
+
+class Single(NamedTuple):
+    """The optimiser of a trial alone, Adam or AdamW, and what it steps."""
+
+    optimiser: torch.optim.Optimizer
+    parameters: Mapping[str, nn.Parameter]  # by their names among the stacked ones
 
 
 class AdamState(NamedTuple):
@@ -25,67 +27,59 @@ class AdamState(NamedTuple):
 
 
 class StackedAdam:
-    """Adam with decoupled weight decay, or with an L2 penalty, for stacked parameters.
+    """M optimisers as one.
 
     Args:
         parameters: (M, ...) each, by name; they are changed in place.
-        decoupled: whether weight decay acts on the weights directly (AdamW), not
-            through the gradient (L2 penalty).
+        singles: the optimisers, whose settings and states are taken over. All are of
+            one class; AdamW decouples weight decay.
     """
 
-    def __init__(self, parameters: Mapping[str, Tensor], decoupled: bool):
-        self.parameters, self.decoupled = dict(parameters), decoupled
-        first = next(iter(self.parameters.values()))
-        # (M,) each, a value per trial
-        self.learning_rate, self.decay = first.new_zeros(2, len(first)).detach()
-        self.states = {
-            name: AdamState(
-                step=torch.zeros_like(self.decay),
-                exp_avg=torch.zeros_like(weights, requires_grad=False),
-                exp_avg_sq=torch.zeros_like(weights, requires_grad=False),
-            )
-            for name, weights in self.parameters.items()
-        }
-
-    def put(
-        self,
-        trial: int,
-        learning_rate: float,
-        decay: float,
-        tensors: Mapping[str, Tensor],
+    def __init__(
+        self, parameters: Mapping[str, Tensor], singles: Sequence[Single]
     ) -> None:
-        """Set the settings and the Adam state of one trial.
+        self.parameters, self.singles = dict(parameters), singles
+        self.decoupled = isinstance(singles[0].optimiser, torch.optim.AdamW)
+        device = next(iter(self.parameters.values())).device
+        # (M,) each, a value per trial
+        self.learning_rate, self.decay = (
+            torch.tensor([s.optimiser.param_groups[0][k] for s in singles]).to(device)
+            for k in ("lr", "weight_decay")
+        )
+        self.states = {name: self._state(name) for name in self.parameters}
 
-        Args:
-            trial: its index, below M.
-            learning_rate: its learning rate.
-            decay: its weight decay.
-            tensors: its state, (...) each, by 'parameter/exp_avg' and the like; what
-                is missing becomes 0.
-        """
-        self.learning_rate[trial], self.decay[trial] = learning_rate, decay
-        for name, state in self.states.items():
-            for field, stacked in state._asdict().items():
-                stacked[trial] = tensors.get(f"{name}/{field}", torch.zeros(()))
+    def _state(self, name: str) -> AdamState:
+        weights = self.parameters[name].detach()
+        stacked = AdamState(
+            step=torch.zeros_like(self.decay),
+            exp_avg=torch.zeros_like(weights),
+            exp_avg_sq=torch.zeros_like(weights),
+        )
+        for trial, (optimiser, parameters) in enumerate(self.singles):
+            # a part that this trial does not train has no state
+            own = name in parameters and optimiser.state.get(parameters[name])
+            for field, value in (own or {}).items():
+                getattr(stacked, field)[trial] = value
+        return stacked
 
-    def get(self, trial: int) -> dict[str, Tensor]:
-        """A copy of one trial's Adam state on the CPU, named as in `put`.
-
-        Parameters that never took a step are left out.
-        """
-        return {
-            f"{name}/{field}": stacked[trial].to("cpu", copy=True)
-            for name, state in self.states.items()
-            if state.step[trial] > 0
-            for field, stacked in state._asdict().items()
-        }
+    def hand_back(self, trial: int) -> None:
+        """Give the trial's own optimiser a copy of its state."""
+        optimiser, parameters = self.singles[trial]
+        for name, parameter in parameters.items():
+            state = self.states[name]
+            if state.step[trial] > 0:
+                optimiser.state[parameter] = {
+                    field: stacked[trial].to(parameter.device, copy=True)
+                    for field, stacked in state._asdict().items()
+                }
 
     @torch.no_grad()
     def step(self, gradients: Mapping[str, Tensor], active: Tensor) -> None:
         """Update the parameters that have a gradient, in the active trials.
 
         Args:
-            gradients: (M, ...) each, by the parameter's name.
+            gradients: (M, ...) each, by the parameter's name; anything, also NaN, for
+                a trial that is not active.
             active: (M,) bool, which trials take the step.
         """
         for name, gradient in gradients.items():
@@ -95,26 +89,12 @@ class StackedAdam:
         self, weights: Tensor, gradient: Tensor, state: AdamState, active: Tensor
     ) -> None:
         state.step.add_(active)
-        if fits_kernels(weights):
-            from companion.bundle.kernels.adam import adam_step
-
-            adam_step(
-                weights,
-                gradient.contiguous(),
-                state,
-                active,
-                (self.learning_rate, self.decay),
-                (*BETAS, EPSILON),
-                self.decoupled,
-            )
-            return
         shape = (-1, *[1] * (weights.ndim - 1))  # (M, 1, ...)
         # double: 1 - 0.999 in single precision has lost four digits
         count = state.step.clamp_min(1).double()
         correction1, correction2 = (
             (1 - beta**count).to(weights.dtype).view(shape) for beta in BETAS
         )
-        # the gradient of a trial that is not active may be anything, also NaN
         gradient = torch.where(active.view(shape), gradient, 0.0)
         factor = active.to(weights.dtype).view(shape)  # 0 changes nothing
         rate, decay = factor * self.learning_rate.view(shape), self.decay.view(shape)

@@ -35,27 +35,24 @@ class BundledTrial:
         number: of the trial among the runs of the bundle.
         run: its data and settings. It starts from its checkpoint where there is one.
         network: sizes of the networks.
-        data: trajectories on the device, by system.
+        data: trajectories on the device.
     """
 
     def __init__(
-        self, number: int, run: Run, network: Network, data: Mapping[str, DeviceData]
-    ):
+        self, number: int, run: Run, network: Network, data: DeviceData
+    ) -> None:
         self.number, self.run = number, run
         self.trainer = Trainer(
             run.datasets, network, run.training, run.seed, start=run.start
         )
         if run.checkpoint is not None:
             Checkpoint(run.checkpoint).restore(self.trainer)
-        windows = self.trainer.sampler.windows
-        self.rows = {
-            role: data[role].rows(windows[role]) for role in self.trainer.model.encoders
-        }
-        novice, trainer = data["novice"], self.trainer
-        self.test_rows = novice.rows(run.datasets.test)[: len(trainer.test)]
-        validation_rows = novice.rows(run.datasets.validation)
+        trainer, self.steps = self.trainer, data.steps
+        windows = trainer.sampler.windows
+        self.rows = {role: data.rows(windows[role]) for role in trainer.model.encoders}
+        self.test_rows = data.rows(run.datasets.test)[: len(trainer.test)]
+        validation_rows = data.rows(run.datasets.validation)
         self.validation_rows = validation_rows[: len(trainer.validation)]
-        self.steps = novice.steps
         self.error: TrainingError | None = None
         self.seconds = 0.0  # this trial's share of the bundle's time
 
@@ -83,25 +80,30 @@ class BundledTrial:
         drawn = self.trainer.sampler.indices(role, iterations * count, purpose)
         return self.rows[role][drawn].unflatten(0, (iterations, count))
 
-    def draw_single_system(self, iterations: int, count: int) -> tuple[Tensor, Tensor]:
-        """Discriminator batches with one system each, for `discriminator_draw` 'one'.
+    def draw_discriminated(self, iterations: int) -> tuple[Tensor, Tensor]:
+        """Batches of the discriminator: of both systems, or of one drawn at random.
 
         Returns:
-            Rows of the trajectories (iterations, count), and whether a batch is the
-            expert's (iterations,).
+            Rows of the trajectories, and which of them are the expert's:
+            (iterations, b) int64 and bool.
         """
+        training = self.trainer.training
+        count = training.discriminator_batch
+        if training.discriminator_draw == "both":
+            halves = [
+                self.draw(iterations, role, count, f"discriminator {role}")
+                for role in ("expert", "novice")
+            ]
+            flags = torch.arange(2 * count) < count
+            return torch.cat(halves, dim=1), flags.expand(iterations, -1)
         of_expert = self.trainer.sampler.discriminated_systems(iterations)
         rows = torch.zeros(iterations, count, dtype=torch.long)
         for role, own in zip(ROLES, (~of_expert, of_expert), strict=True):
             rows[own] = self.draw(int(own.sum()), role, count, f"discriminator {role}")
-        return rows, of_expert
+        return rows, of_expert[:, None].expand(-1, count)
 
     def count(self, experts: int) -> None:
-        """Count one iteration of prediction in the trainer.
-
-        Args:
-            experts: trajectories of the batch that are the expert's.
-        """
+        """Count one iteration of prediction in the trainer."""
         novices = self.trainer.training.batch - experts
         samples = {"novice": novices * self.steps, "expert": experts * self.steps}
         self.trainer.count_samples(samples)

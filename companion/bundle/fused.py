@@ -1,7 +1,7 @@
 """LSTM layers and convolutions of a bundle by the kernels of `kernels`.
 
-They compute what `recurrence` and the encoder's layers compute, in float32. M trials, B
-trajectories, T steps, H hidden units; N = M B trajectories, P map pixels a side.
+They compute what `models.recurrence` and the encoder's layers do, in float32. M trials,
+B trajectories, T steps, H hidden units; N = M B trajectories, P map pixels a side.
 """
 
 from __future__ import annotations
@@ -38,11 +38,8 @@ def fuses_steps(inputs: Tensor) -> bool:
 
 
 def fuses_convolutions(layers: nn.Module, maps: Tensor) -> bool:
-    """Whether the kernels compute the encoder's convolutions of maps (N, T, 1, P, P).
-
-    Under `torch.autocast` they do not.
-    """
-    if not fits_kernels(maps) or torch.is_autocast_enabled(maps.device.type):
+    """Whether the kernels compute the encoder's layers on maps (N, T, 1, P, P)."""
+    if not fits_kernels(maps):
         return False
     convolutions = [
         layer for layer in layers.children() if isinstance(layer, nn.Conv2d)
@@ -54,7 +51,7 @@ def fuses_convolutions(layers: nn.Module, maps: Tensor) -> bool:
 
 
 class FusedRecurrence(torch.autograd.Function):
-    """An LSTM layer over all steps, as `recurrence.Recurrence`."""
+    """An LSTM layer over all steps, as `models.recurrence`."""
 
     @staticmethod
     def forward(ctx, inputs: Tensor, recurrent: Tensor) -> Tensor:

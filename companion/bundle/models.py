@@ -1,27 +1,28 @@
 """M models of one Network computed as one, with stacked weights.
 
 Convolutions and fully connected layers are the modules of `sidm.learning.networks`
-under `torch.func.vmap`; vmap cannot batch the LSTM, so that is `recurrence.lstm`.
-M trials, B trajectories, T steps, P map pixels a side.
+under `torch.func.vmap`. vmap cannot batch the LSTM, so that is `lstm`.
+M trials, B trajectories, T steps, P map pixels a side, H hidden units.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import copy
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vmap
 
-from companion.bundle.fused import FusedConvolutions, fuses_convolutions
-from companion.bundle.recurrence import lstm
-from sidm.learning.model import DynamicsModel
-from sidm.learning.networks import Discriminator
-from sidm.settings import Network
+from companion.bundle.fused import (
+    FusedConvolutions,
+    FusedRecurrence,
+    fuses_convolutions,
+    fuses_steps,
+)
+from sidm.learning.trainer import Trainer
 from sidm.systems import ROLES
 
-#: elements in one tensor, at most, for PyTorch's grouped convolution on a GPU
-MOST_ELEMENTS = 2**31 - 1
 #: whose trajectories a batch holds: (M, B) bool, True for the expert's; or one role
 Systems = Tensor | str
 
@@ -30,40 +31,26 @@ class StackedModels:
     """The models and discriminators of M trials.
 
     Args:
-        network: sizes of all networks.
-        roles: the systems: ('novice', 'expert') or ('novice',).
-        trials: M.
+        trainers: of the trials, whose weights are copied. Novice and expert are of one
+            body and one system of units; some trials may lack the expert.
         device: where to compute.
-        low: whether the encoders compute in bfloat16; `predict(..., exact=True)` never
-            does.
 
     Attributes:
         weights: (M, ...) each, by name, such as 'model.sidm.lstm.weight_ih_l0'
-            (M, 4 H, K)
+            (M, 4 H, K); 0 where a trial has none
     """
 
-    def __init__(
-        self,
-        network: Network,
-        roles: Iterable[str],
-        trials: int,
-        device: torch.device,
-        low: bool = False,
-    ):
-        self.device, self.low, self.slope = device, low, network.slope
-        with torch.device("meta"):  # shapes only, no memory
-            model = DynamicsModel(network, roles=roles)
-            discriminator = Discriminator(network)
-        self.modules = nn.ModuleDict({"model": model, "discriminator": discriminator})
-        self.weights = {
-            name: torch.zeros(
-                trials,
-                *tensor.shape,
-                device=device,
-                requires_grad=isinstance(tensor, nn.Parameter),
-            )
-            for name, tensor in tensors_of(self.modules).items()
-        }
+    def __init__(self, trainers: Sequence[Trainer], device: torch.device) -> None:
+        self.device, self.slope = device, trainers[0].network.slope
+        modules = [
+            nn.ModuleDict({"model": t.model, "discriminator": t.discriminator})
+            for t in trainers
+        ]
+        largest = max(modules, key=lambda module: len(tensors_of(module)))
+        self.modules = copy.deepcopy(largest).to("meta")  # shapes only, no memory
+        self.weights = stacked([tensors_of(module) for module in modules], device)
+        for name, _ in self.modules.named_parameters():
+            self.weights[name].requires_grad_()
 
     def parameters(self, part: str) -> dict[str, Tensor]:
         """Trainable parameters (M, ...) of a part, e.g. 'model.sidm', by full name."""
@@ -73,59 +60,37 @@ class StackedModels:
             if name.startswith(f"{part}.") and weights.requires_grad
         }
 
-    def put(self, trial: int, tensors: Mapping[str, Tensor]) -> None:
-        """Set the weights of one trial, (...) each by name; missing ones become 0."""
-        with torch.no_grad():
-            for name, weights in self.weights.items():
-                weights[trial] = tensors.get(name, torch.zeros(()))
-
-    def encode(
-        self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool = False
-    ) -> Tensor:
-        """Latent state-actions.
+    def encode(self, systems: Systems, inputs: Tensor, maps: Tensor) -> Tensor:
+        """Latent state-actions (M, B, T, latent).
 
         Args:
             systems: whose trajectories the batch holds.
             inputs: (M, B, T, X), raw units.
             maps: (M, B, T, P, P), m.
-            exact: compute in float32 also where the encoders use bfloat16.
-
-        Returns:
-            (M, B, T, latent), in the inputs' type.
         """
         if isinstance(systems, str):  # one system: a single batch of B T rows per trial
             rows, pixels = (tensor.flatten(1, 2)[:, None] for tensor in (inputs, maps))
-            latents = self._encode(systems, rows, pixels, exact)
+            latents = self._encode(systems, rows, pixels)
             return latents.reshape(*inputs.shape[:3], -1)
-        return self._encode(systems, inputs, maps, exact)
+        return self._encode(systems, inputs, maps)
 
-    def _encode(
-        self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool
-    ) -> Tensor:
+    def _encode(self, systems: Systems, inputs: Tensor, maps: Tensor) -> Tensor:
         input_mean, input_std, map_mean, map_std = (
-            self._buffer(f"encoders.{shape_role(systems)}.{name}", inputs.ndim)
+            self._buffer(f"encoders.novice.{name}", inputs.ndim)
             for name in ("input_mean", "input_std", "map_mean", "map_std")
         )
         rows = (inputs - input_mean) / input_std  # (M, B, T, X)
         pixels = (maps.to(inputs.dtype) - map_mean[..., None]) / map_std[..., None]
-        # no cache of low-precision weights: a captured graph would outlive it
-        with torch.autocast(
-            self.device.type,
-            torch.bfloat16,
-            enabled=self.low and not exact,
-            cache_enabled=False,
-        ):
-            if pixels.shape[-1]:
-                features = self._convolve(systems, pixels)
-                rows = torch.cat([features, rows.to(features.dtype)], dim=-1)
-            return self._dense("encoders", systems, rows).to(inputs.dtype)
+        features = self._convolve(systems, pixels)
+        return self._dense("encoders", systems, torch.cat([features, rows], dim=-1))
 
     def _convolve(self, systems: Systems, pixels: Tensor) -> Tensor:
         """Map features (M, B, T, 4 (P - 6)^2) of standardised maps (M, B, T, P, P).
 
         Every trajectory is convolved with the kernels of its own system.
         """
-        path = f"model.encoders.{shape_role(systems)}.convolutions"
+        role = systems if isinstance(systems, str) else "novice"
+        path = f"model.encoders.{role}.convolutions"
         kernels = {}
         for name, weights in within(path, self.weights).items():
             kernel = weights[:, None]
@@ -141,14 +106,7 @@ class StackedModels:
         if fuses_convolutions(module, rows):
             features = FusedConvolutions.apply(rows, self.slope, *kernels.values())
             return features.unflatten(0, pixels.shape[:2])
-        # upper bound of a layer's output, elements per step
-        widest = len(rows) * kernels["0.weight"].shape[1] * pixels.shape[-1] ** 2
-        pieces = [
-            batched_call(module, kernels, piece)
-            for piece in rows.split(max(1, MOST_ELEMENTS // widest), dim=1)
-        ]
-        # (M B, T, 4, P - 6, P - 6)
-        features = torch.cat(pieces, dim=1) if len(pieces) > 1 else pieces[0]
+        features = batched_call(module, kernels, rows)  # (M B, T, 4, P - 6, P - 6)
         return features.movedim(2, -1).flatten(2).unflatten(0, pixels.shape[:2])
 
     def _dense(self, part: str, systems: Systems, rows: Tensor) -> Tensor:
@@ -174,13 +132,10 @@ class StackedModels:
         buffer = self.weights[f"model.{name}"]
         return buffer.reshape(len(buffer), *[1] * (ndim - 2), -1)
 
-    def predict(
-        self, systems: Systems, inputs: Tensor, maps: Tensor, exact: bool = False
-    ) -> Tensor:
+    def predict(self, systems: Systems, inputs: Tensor, maps: Tensor) -> Tensor:
         """State transitions y' (M, B, T, Y), raw units; arguments as for `encode`."""
-        return self.decode(
-            systems, self.transitions(self.encode(systems, inputs, maps, exact))
-        )
+        latents = self.encode(systems, inputs, maps)
+        return self.decode(systems, self.transitions(latents))
 
     def transitions(self, latents: Tensor) -> Tensor:
         """Latent state transitions (M, B, T, 64) of latents (M, B, T, latent)."""
@@ -191,19 +146,53 @@ class StackedModels:
         """State transitions y' (M, B, T, Y) of latent ones (M, B, T, 64), raw units."""
         scaled = self._dense("decoders", systems, transitions)
         mean, std = (
-            self._buffer(f"decoders.{shape_role(systems)}.{name}", scaled.ndim)
+            self._buffer(f"decoders.novice.{name}", scaled.ndim)
             for name in ("target_mean", "target_std")
         )
         return mean + std * scaled
 
-    def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (M, 1, 1, Y) of the components in equation (1); None: all are 1."""
-        name = f"decoders.{role}.weights"
-        return self._buffer(name, 4) if f"model.{name}" in self.weights else None
-
     def logits(self, latents: Tensor) -> Tensor:
         """Logits (M, B, T) of the discriminators for latents (M, B, T, latent)."""
         return self._layers("discriminator.dense", latents).squeeze(-1)
+
+
+def lstm(weights: Mapping[str, Tensor], inputs: Tensor) -> Tensor:
+    """Hidden states (M, B, T, H) of the last LSTM layer, from zero states.
+
+    Args:
+        weights: those of `nn.LSTM` by its names, stacked: 'weight_ih_l0' (M, 4 H, K),
+            'bias_hh_l0' (M, 4 H), ...
+        inputs: (M, B, T, K).
+    """
+    hidden = inputs.transpose(1, 2)  # (M, T, B, K)
+    names = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
+    for layer in range(sum(name.startswith("weight_ih") for name in weights)):
+        w_ih, w_hh, b_ih, b_hh = (weights[f"{name}_l{layer}"] for name in names)
+        bias = (b_ih + b_hh).unsqueeze(1)
+        gates = torch.baddbmm(bias, hidden.flatten(1, 2), w_ih.mT)
+        gates = gates.unflatten(1, hidden.shape[1:3])
+        recur = FusedRecurrence.apply if fuses_steps(gates) else recurrence
+        hidden = recur(gates, w_hh)
+    return hidden.transpose(1, 2)
+
+
+def recurrence(inputs: Tensor, recurrent: Tensor) -> Tensor:
+    """Hidden states (M, T, B, H) of an LSTM layer over all steps, from zero states.
+
+    Args:
+        inputs: (M, T, B, 4 H), the gates before the recurrent product is added.
+        recurrent: (M, 4 H, H), the recurrent weights.
+    """
+    trials, _, batch, width = inputs.shape
+    output = cell = inputs.new_zeros(trials, batch, width // 4)
+    outputs = []
+    for gates in inputs.unbind(1):
+        raw = torch.baddbmm(gates, output, recurrent.mT)
+        i, f, g, o = raw.chunk(4, dim=-1)  # the order of nn.LSTM
+        cell = f.sigmoid() * cell + i.sigmoid() * g.tanh()
+        output = o.sigmoid() * cell.tanh()
+        outputs.append(output)
+    return torch.stack(outputs, dim=1)
 
 
 def tensors_of(module: nn.Module) -> dict[str, Tensor]:
@@ -211,12 +200,17 @@ def tensors_of(module: nn.Module) -> dict[str, Tensor]:
     return {**dict(module.named_parameters()), **dict(module.named_buffers())}
 
 
-def shape_role(systems: Systems) -> str:
-    """The role whose shapes and units hold for a batch.
-
-    Systems in one batch have equal shapes and units: 'novice' stands for both.
-    """
-    return systems if isinstance(systems, str) else "novice"
+def stacked(
+    parts: Sequence[Mapping[str, Tensor]], device: torch.device
+) -> dict[str, Tensor]:
+    """Tensors of M trials as one (M, ...) each, by name; 0 where a trial has none."""
+    largest = max(parts, key=len)
+    return {
+        name: torch.stack(
+            [part.get(name, torch.zeros_like(like)).detach() for part in parts]
+        ).to(device)
+        for name, like in largest.items()
+    }
 
 
 def within(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

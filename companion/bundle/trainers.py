@@ -1,43 +1,32 @@
 """The device's part of M trainers at once: weights, Adam states, best weights, losses.
 
 The updates are those of `sidm.learning.training`: Algorithm 1 and the two halves of
-Algorithm 2. A trajectory is named by its row in its system's `DeviceData`. M trials, b
-trajectories of T steps.
+Algorithm 2. A trajectory is named by its row in `DeviceData`. M trials, b trajectories
+of T steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from companion.bundle.adam import StackedAdam
+from companion.bundle.adam import Single, StackedAdam
 from companion.bundle.cuda_graph import GraphedFunction
-from companion.bundle.device_data import BLANK, DeviceData
-from companion.bundle.models import StackedModels, with_ndim
-from sidm.learning.losses import (
-    component_losses,
-    discriminator_loss,
-    matching_loss,
-    prediction_loss,
-)
+from companion.bundle.device_data import DeviceData
+from companion.bundle.models import StackedModels, Systems, stacked, with_ndim, within
+from sidm.learning.losses import component_losses, matching_loss, prediction_loss
 from sidm.learning.observation import TARGET_SIZE
-from sidm.settings import Network, Training
+from sidm.learning.trainer import Trainer
+from sidm.systems import ROLES
 
+KINDS = "encoders", "decoders"
 NOVICE_ENCODER = "model.encoders.novice"
 
 
 class StackedTrainers:
-    """What M trainers of one Network keep and compute on the device.
-
-    Args:
-        data: trajectories on the device, by system.
-        network: sizes of the networks.
-        training: settings; the trials share those that `training.SHARED` names.
-        roles: the systems: ('novice', 'expert') or ('novice',).
-        trials: M.
-        device: where to compute.
+    """What M trainers keep and compute on the device.
 
     Attributes:
         predict: one iteration of Algorithm 1, see `_predict`
@@ -50,51 +39,82 @@ class StackedTrainers:
     """
 
     def __init__(
-        self,
-        data: Mapping[str, DeviceData],
-        network: Network,
-        training: Training,
-        roles: Iterable[str],
-        trials: int,
-        device: torch.device,
-    ):
-        self.data, self.training, self.roles = data, training, tuple(roles)
-        system_parts = [
-            f"model.{kind}.{role}"
-            for kind in ("encoders", "decoders")
-            for role in self.roles
+        self, trainers: Sequence[Trainer], data: DeviceData, device: torch.device
+    ) -> None:
+        self.trainers, self.data = trainers, data
+        self.training, trials = trainers[0].training, len(trainers)
+        self.models = StackedModels(trainers, device)
+        # parts of the networks, those of the expert where a trial has them
+        self.parts = [
+            f"model.{name}"
+            for name in ("sidm", *(f"{k}.{r}" for k in KINDS for r in ROLES))
+            if self.models.parameters(f"model.{name}")
         ]
-        self.parts = ["model.sidm", *system_parts]
-        low = training.precision == "bfloat16"
-        self.models = StackedModels(network, self.roles, trials, device, low)
-        self.best_weights = {
-            name: weights.detach().clone()
-            for name, weights in self.models.weights.items()
-            if name.startswith("model.")
-        }
-        self.prediction_optimiser = self._optimiser("model")
-        self.discrimination_optimiser = self._optimiser("discriminator")
-        own = training.matching_optimiser == "own"
-        self.matching_optimiser = (
-            self._optimiser(NOVICE_ENCODER) if own else self.prediction_optimiser
+        self.best_weights = stacked([t.best_weights for t in trainers], device)
+        self.prediction_optimiser = self._optimiser("model", "prediction")
+        self.discrimination_optimiser = self._optimiser(
+            "discriminator", "discrimination"
         )
+        self.matching_optimiser = self.prediction_optimiser
+        if self.training.matching_optimiser == "own":
+            self.matching_optimiser = self._optimiser(NOVICE_ENCODER, "matching")
         # trials whose SIDM is not trained
-        self.frozen = torch.zeros(trials, dtype=torch.bool, device=device)
+        frozen = [trainer.training.frozen == "sidm" for trainer in trainers]
+        self.frozen = torch.tensor(frozen, device=device)
         # sums of losses since the last test, by trial and role
         self.totals = torch.zeros(trials, 2, dtype=torch.float64, device=device)
         self.accuracy = torch.zeros(trials, device=device)
         self.matching_losses = torch.zeros(trials, device=device)
-        both = training.discriminator_draw == "both"
-        discriminate = self._discriminate if both else self._discriminate_single_system
         pool = torch.cuda.graph_pool_handle() if device.type == "cuda" else None
         self.predict, self.discriminate, self.match, self.test = (
             GraphedFunction(function, device, pool)
-            for function in (self._predict, discriminate, self._match, self._test)
+            for function in (
+                self._predict,
+                self._discriminate,
+                self._match,
+                self._test,
+            )
         )
 
-    def _optimiser(self, part: str) -> StackedAdam:
-        decoupled = self.training.decay == "decoupled"
-        return StackedAdam(self.models.parameters(part), decoupled)
+    def _optimiser(self, part: str, phase: str) -> StackedAdam:
+        """The optimisers of a phase, which step the parameters of a part."""
+        singles = []
+        for trainer in self.trainers:
+            modules = nn.ModuleDict(
+                {"model": trainer.model, "discriminator": trainer.discriminator}
+            )
+            trained = {
+                name: parameter
+                for name, parameter in modules.named_parameters()
+                if name.startswith(f"{part}.") and parameter.requires_grad
+            }
+            singles.append(Single(getattr(trainer, f"{phase}_optimiser"), trained))
+        return StackedAdam(self.models.parameters(part), singles)
+
+    def hand_back(self, trial: int) -> None:
+        """Copy a trial's state into its trainer, which can go on alone or be saved."""
+        trainer = self.trainers[trial]
+        for name in ("model", "discriminator"):
+            module, weights = getattr(trainer, name), within(name, self.models.weights)
+            own = {key: weights[key][trial] for key in module.state_dict()}
+            module.load_state_dict(own)
+        trainer.best_weights = {
+            name: self.best_weights[name][trial].to("cpu", copy=True)
+            for name in trainer.best_weights
+        }
+        for adam in {
+            self.prediction_optimiser,
+            self.discrimination_optimiser,
+            self.matching_optimiser,
+        }:
+            adam.hand_back(trial)
+        self.hand_over_losses(trial)
+
+    def hand_over_losses(self, trial: int) -> None:
+        """Add a trial's sums of losses to its trainer, and start them again from 0."""
+        for role, total in zip(ROLES, self.totals[trial].tolist(), strict=True):
+            self.trainers[trial].add_losses(role, total)
+        self.totals[trial] = 0.0
 
     def _predict(self, active: Tensor, rows: Tensor, of_expert: Tensor) -> None:
         """One iteration of Algorithm 1.
@@ -154,99 +174,39 @@ class StackedTrainers:
             adam.step(part_gradients, active & steps)
 
     def _losses(self, rows: Tensor, of_expert: Tensor) -> Tensor:
-        """Equation (1), (M, b, T), for the trajectories of a batch.
+        """Equation (1), (M, b, T), for the trajectories of a batch."""
+        batch = self.data.windows.take(rows)
+        has_expert = "model.encoders.expert" in self.parts
+        systems = of_expert if has_expert else "novice"
+        predicted = self.models.predict(systems, batch.inputs, batch.maps)
+        return prediction_loss(predicted, batch.targets)
+
+    def _discriminate(self, active: Tensor, rows: Tensor, of_expert: Tensor) -> None:
+        """One update of the discriminator A alone, equation (2).
+
+        With `discriminator_draw` 'both', half of the trajectories are the expert's;
+        with 'one', all or none of a trial's.
 
         Args:
+            active: (M,) bool, which trials take the step.
             rows: (M, b), the trajectories.
             of_expert: (M, b) bool, which of them are the expert's.
         """
-        if len(self.roles) > 1 and self.data["expert"] is self.data["novice"]:
-            batch = self.data["novice"].windows.take(rows)
-            predicted = self.models.predict(of_expert, batch.inputs, batch.maps)
-            return prediction_loss(predicted, batch.targets)
-        # Systems that differ in shapes or units each compute on all M b entries, with
-        # blank trajectories in place of the other system's.
-        rows_of = {
-            role: torch.where(of_role, rows, BLANK)
-            for role, of_role in zip(self.roles, (~of_expert, of_expert), strict=False)
-        }
-        latents = [self._latents(role, part) for role, part in rows_of.items()]
-        transitions = self.models.transitions(select(of_expert, latents))
-        targets = {
-            role: self.data[role].windows.targets[part]
-            for role, part in rows_of.items()
-        }
-        losses = []
-        for role in targets:
-            predicted = self.models.decode(role, transitions)
-            weights = self.models.loss_weights(role)
-            losses.append(prediction_loss(predicted, targets[role], weights))
-        return select(of_expert, losses)
-
-    def _discriminate(
-        self, active: Tensor, expert_rows: Tensor, novice_rows: Tensor
-    ) -> None:
-        """One update of the discriminator A alone, equation (2).
-
-        Args:
-            active: (M,) bool, which trials take the step.
-            expert_rows: (M, b), the expert's trajectories.
-            novice_rows: (M, b), the novice's trajectories.
-        """
         with torch.no_grad():
-            expert_latents = self._latents("expert", expert_rows)
-            novice_latents = self._latents("novice", novice_rows)
-        expert = self.models.logits(expert_latents)
-        novice = self.models.logits(novice_latents)
-        loss = discriminator_loss(expert, novice).mean((1, 2)).sum()
-        correct = torch.cat([expert > 0, novice < 0], dim=1)
-        self._step_discriminator(loss, correct, active)
-
-    def _discriminate_single_system(
-        self, active: Tensor, rows: Tensor, of_expert: Tensor
-    ) -> None:
-        """One update of the discriminator A alone, on latents of a single system.
-
-        Args:
-            active: (M,) bool, which trials take the step.
-            rows: (M, b), the trajectories.
-            of_expert: (M,) bool, whether a trial's trajectories are the expert's.
-        """
-        of_expert = of_expert[:, None].expand_as(rows)
-        expert_rows = torch.where(of_expert, rows, BLANK)
-        novice_rows = torch.where(of_expert, BLANK, rows)
-        with torch.no_grad():
-            novice_latents = self._latents("novice", novice_rows)
-            expert_latents = self._latents("expert", expert_rows)
-            latents = select(of_expert, [novice_latents, expert_latents])
+            latents = self._latents(of_expert, rows)
         logits = self.models.logits(latents)
         signed = torch.where(with_ndim(of_expert, logits.ndim), logits, -logits)
-        loss = matching_loss(signed).mean((1, 2)).sum()
-        self._step_discriminator(loss, signed > 0, active)
-
-    def _step_discriminator(
-        self, loss: Tensor, correct: Tensor, active: Tensor
-    ) -> None:
-        """Update A and note its accuracy.
-
-        Args:
-            loss: a scalar, the sum over trials.
-            correct: (M, b, T) bool, which latents A told apart.
-            active: (M,) bool, which trials take the step.
-        """
+        # equation (2) is a sum over systems of means
+        systems = 2 if self.training.discriminator_draw == "both" else 1
+        loss = systems * matching_loss(signed).mean((1, 2)).sum()
         self.discrimination_optimiser.step(
             self._gradients(loss, "discriminator"), active
         )
-        accuracy = correct.float().mean((1, 2))
+        accuracy = (signed > 0).float().mean((1, 2))
         self.accuracy.copy_(torch.where(active, accuracy, self.accuracy))
 
     def _match(self, active: Tensor, rows: Tensor) -> None:
-        """One update of the novice's encoder E_n alone, equation (4).
-
-        Args:
-            active: (M,) bool, which trials take the step.
-            rows: (M, b), the novice's trajectories.
-        """
+        """One update of the novice's encoder E_n alone, equation (4)."""
         logits = self.models.logits(self._latents("novice", rows))
         losses = matching_loss(logits).mean((1, 2))
         gradients = self._gradients(losses.sum(), NOVICE_ENCODER)
@@ -267,19 +227,16 @@ class StackedTrainers:
         Returns:
             (M, 1 + Y) float64.
         """
-        batch = self.data["novice"].windows.take(rows)
+        batch = self.data.windows.take(rows)
         with torch.no_grad():
-            predicted = self.models.predict(
-                "novice", batch.inputs, batch.maps, exact=True
-            )
-        weights = self.models.loss_weights("novice")
-        terms = component_losses(predicted, batch.targets, weights)  # (M, b, T, Y)
+            predicted = self.models.predict("novice", batch.inputs, batch.maps)
+        terms = component_losses(predicted, batch.targets)  # (M, b, T, Y)
         losses = torch.cat([terms.sum(-1, keepdim=True), terms], dim=-1).double().sum(2)
         return torch.where(counted[..., None], losses, 0.0).sum(1)
 
-    def _latents(self, role: str, rows: Tensor) -> Tensor:
-        batch = self.data[role].windows.take(rows)
-        return self.models.encode(role, batch.inputs, batch.maps)
+    def _latents(self, systems: Systems, rows: Tensor) -> Tensor:
+        batch = self.data.windows.take(rows)
+        return self.models.encode(systems, batch.inputs, batch.maps)
 
     def _gradients(self, loss: Tensor, part: str) -> dict[str, Tensor]:
         parameters = self.models.parameters(part)
@@ -295,14 +252,4 @@ class StackedTrainers:
         """Copy the current weights of these trials as their best so far."""
         indices = torch.tensor(trials, dtype=torch.long, device=self.totals.device)
         for name, best in self.best_weights.items():
-            best[indices] = self.models.weights[name].detach()[indices]
-
-
-def select(of_expert: Tensor, by_role: Sequence[Tensor]) -> Tensor:
-    """Entries (M, b, ...) of each trajectory's own system.
-
-    Args:
-        of_expert: (M, b) bool, which trajectories are the expert's.
-        by_role: (M, b, ...) of the novice, then of the expert; or of the novice alone.
-    """
-    return torch.where(with_ndim(of_expert, by_role[0].ndim), by_role[-1], by_role[0])
+            best[indices] = self.models.weights[f"model.{name}"].detach()[indices]

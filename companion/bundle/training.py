@@ -44,9 +44,9 @@ SHARED = (
 FIXED = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
 
 SAVE_INTERVAL = 600.0  # s between two saves of all checkpoints
-#: without waiting trials, the bundle is rebuilt smaller when 1/SHRINK of its slots are
-#: empty
-SHRINK = 8
+#: when 1/REFILL of its trials have ended, a bundle of the others and of waiting ones
+#: takes its place
+REFILL = 8
 
 
 class Ended(NamedTuple):
@@ -90,15 +90,39 @@ def train_bundle(
     check_settings(runs, network)
     if not runs:
         return
-    training = runs[0].training
-    needs_expert = any(run.training.needs_expert for run in runs)
-    roles, device = ROLES if needs_expert else ROLES[:1], torch.device(device)
-    data = device_data(runs, network, roles, device)
-    waiting = deque(enumerate(runs))
+    device = torch.device(device)
+    data = device_data(runs, device)
+    waiting, trials = deque(enumerate(runs)), list[BundledTrial]()
+    saved = time.monotonic()
     slots = min(slots, len(runs))
-    with matmul_precision(training.precision), enough_memory(device, slots):
-        bundle = Bundle(data, network, training, roles, slots, device)
-        yield from _train(bundle, waiting, progress, until)
+    with matmul_precision(runs[0].training.precision), enough_memory(device, slots):
+        while True:
+            while waiting and len(trials) < slots:
+                number, run = waiting.popleft()
+                try:
+                    trials.append(BundledTrial(number, run, network, data))
+                except CheckpointError as error:
+                    yield Ended(number, error, 0.0)
+            if not trials:
+                return
+            with contextlib.closing(Bundle(trials, data, device)) as bundle:
+                ended: set[int] = set()
+                while len(ended) * REFILL < len(trials):
+                    bundle.phase(progress)
+                    for place, trial in enumerate(trials):
+                        if trial.ended and place not in ended:
+                            ended.add(place)
+                            bundle.hand_back([place])
+                            trained = trial.error or result(trial.trainer)
+                            yield Ended(trial.number, trained, trial.seconds)
+                    late = time.monotonic() >= until
+                    if late or time.monotonic() - saved > SAVE_INTERVAL:
+                        bundle.save()
+                        saved = time.monotonic()
+                    if late:
+                        return
+                bundle.hand_back(bundle.running)
+            trials = [trial for trial in trials if not trial.ended]
 
 
 @contextlib.contextmanager
@@ -115,72 +139,28 @@ def enough_memory(device: torch.device, trials: int) -> Iterator[None]:
         raise ConfigError(f"the memory of {device} does not hold {advice}") from None
 
 
-def _train(
-    bundle: Bundle,
-    waiting: deque[tuple[int, Run]],
-    progress: Progress | None,
-    until: float,
-) -> Iterator[Ended]:
-    """Fill free slots and train, until all trials have ended or the time is up."""
-    saved = time.monotonic()
-    try:
-        while waiting or bundle.trials:
-            while waiting and None in bundle.slots:
-                number, run = waiting.popleft()
-                try:
-                    trial = BundledTrial(number, run, bundle.network, bundle.data)
-                    bundle.join(trial)
-                except CheckpointError as error:
-                    yield Ended(number, error, 0.0)
-            bundle.timed_phase(progress)
-            for slot in [slot for slot, trial in bundle.trials.items() if trial.ended]:
-                trial = bundle.leave(slot)
-                trained = trial.error or result(trial.trainer)
-                yield Ended(trial.number, trained, trial.seconds)
-            late = time.monotonic() >= until
-            if late or time.monotonic() - saved > SAVE_INTERVAL:
-                bundle.save()
-                saved = time.monotonic()
-            if late:
-                return
-            empty = bundle.slots.count(None)
-            if not waiting and bundle.trials and empty * SHRINK >= len(bundle.slots):
-                bundle = bundle.shrunk()
-    finally:
-        bundle.close()
-
-
-def device_data(
-    runs: Sequence[Run], network: Network, roles: Sequence[str], device: torch.device
-) -> dict[str, DeviceData]:
-    """All trajectories of the runs on the device, by system.
-
-    Both systems have the same DeviceData if both robots have the paper's body, because
-    shapes and units are then the same.
-    """
-    novice = [
+def device_data(runs: Sequence[Run], device: torch.device) -> DeviceData:
+    """All trajectories that the runs learn from and test on, on the device."""
+    needs_expert = any(run.training.needs_expert for run in runs)
+    parts = [
         windows
         for run in runs
-        for windows in (run.datasets.train, run.datasets.test, run.datasets.validation)
+        for windows in (run.datasets if needs_expert else run.datasets[:3])
+        if windows is not None
     ]
-    if len(roles) == 1:
-        return {"novice": DeviceData(novice, device)}
-    expert = [run.datasets.expert for run in runs if run.datasets.expert is not None]
-    if network.body("novice") == network.body("expert") == ROVER:
-        return dict.fromkeys(roles, DeviceData([*novice, *expert], device))
-    return {"novice": DeviceData(novice, device), "expert": DeviceData(expert, device)}
+    return DeviceData(parts, device)
 
 
 def check_settings(runs: Sequence[Run], network: Network) -> None:
-    """Refuse settings that a bundle cannot train.
-
-    Raises:
-        ConfigError: names the first setting that has another value than FIXED says, or
-            that is in SHARED and differs between the runs.
-    """
+    """Refuse settings that a bundle cannot train."""
     unfit = "cannot be trained in a bundle; train it alone"
     if network.own != "all":
         raise ConfigError(f"Network.own={network.own!r} {unfit}")
+    for role in ROLES:
+        if (body := network.body(role)) != ROVER:
+            raise ConfigError(f"a robot of the body '{body.name}' {unfit}")
+    if "bfloat16" in (run.training.precision for run in runs):
+        raise ConfigError(f"Training.precision='bfloat16' {unfit}")
     for name, fixed in FIXED.items():
         for run in runs:
             if (value := getattr(run.training, name, fixed)) != fixed:

@@ -28,11 +28,7 @@ def is_here(
 
 
 def refuse_missing_motion(trials: Iterable[Trial], data: str | Path = "data") -> None:
-    """Refuse trials whose motion is not on this disk.
-
-    Raises:
-        ConfigError: names the first such dataset and the command that makes it.
-    """
+    """Refuse trials whose motion is not on this disk."""
     for dataset, which in motion_of(trials).items():
         if not is_here(dataset, data, which):
             raise ConfigError(
@@ -45,11 +41,7 @@ def refuse_missing_motion(trials: Iterable[Trial], data: str | Path = "data") ->
 def digest_of(
     dataset: Dataset, data: str | Path = "data", which: tuple[int, ...] | None = None
 ) -> str:
-    """The digest of a dataset, or of the trajectories `which` of it.
-
-    Raises:
-        ShardError: a shard is missing or damaged.
-    """
+    """The digest of a dataset, or of the trajectories `which` of it."""
     wanted = dataset.count if which is None else which
     return digest(load(Path(data), dataset.collection, wanted))
 
@@ -58,13 +50,6 @@ def digests_of(used: Any, data: str | Path = "data") -> dict[str, str]:
     """The digests of all motion that a trial or another job uses, by its name.
 
     Of a trial's novice pool it is that of the trajectories which the trial draws.
-
-    Args:
-        used: an object with `datasets`, such as a Trial.
-        data: the folder of the datasets.
-
-    Raises:
-        ShardError: a shard is missing or damaged.
     """
     found = {}
     for kind, dataset in used.datasets.items():
@@ -85,34 +70,6 @@ def all_datasets(
     return {one: range(one.count) for one in datasets}
 
 
-def collect_datasets(
-    preset: Preset,
-    systems: Iterable[str] = tuple(SYSTEMS),
-    data: str | Path = "data",
-    workers: int | None = None,
-    executor: Executor | None = None,
-    progress: bool = True,
-) -> dict[str, str]:
-    """Simulate what is missing of all datasets of a preset.
-
-    Args:
-        preset: the study.
-        systems: names of the systems.
-        data: the folder of the shards.
-        workers: processes; all cores when None.
-        executor: a `concurrent.futures.Executor` instead of local processes.
-        progress: whether to show bars.
-
-    Returns:
-        Name of each dataset -> digest.
-
-    Raises:
-        ImportError: PyBullet is not installed; the message is one line.
-    """
-    needed = all_datasets(preset, systems)
-    return collect_motion(needed, data, workers, executor, progress)
-
-
 def collect_motion(
     needed: Mapping[Dataset, Sequence[int]],
     data: str | Path = "data",
@@ -121,10 +78,11 @@ def collect_motion(
     progress: bool = True,
     robots: Callable[[Dataset], System | None] | None = None,
 ) -> dict[str, str]:
-    """Simulate what is missing of some trajectories, as `collect_datasets` does.
+    """Simulate what is missing of some trajectories.
 
     Args:
-        needed: dataset -> indices, as `trials.motion_of` gives them.
+        needed: the indices in each dataset, as `trials.motion_of` or `all_datasets`
+            give them.
         data: the folder of the shards.
         workers: processes; all cores when None.
         executor: a `concurrent.futures.Executor` instead of local processes.
@@ -133,6 +91,9 @@ def collect_motion(
 
     Returns:
         Name of each dataset -> digest of what was needed of it.
+
+    Raises:
+        ImportError: PyBullet is not installed; the message is one line.
     """
     workers = workers or os.cpu_count() or 1
     pool = contextlib.nullcontext(executor) if executor else local_pool(workers)

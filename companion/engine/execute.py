@@ -119,15 +119,7 @@ def run_trial(
     progress: Progress | None = None,
     device: str = "cpu",
 ) -> Row | Failure:
-    """Run a trial and return its row, or its failure, with the provenance.
-
-    Args:
-        trial: what to run.
-        data: the folder of the shards.
-        checkpoint: as in `perform`.
-        progress: as in `perform`.
-        device: as in `perform`.
-    """
+    """Run a trial and return its row, or its failure, with the provenance."""
     provenance.source()  # as the work begins
     resumed = checkpoint is not None and checkpoint.exists()
     begun = time.perf_counter()

@@ -56,11 +56,7 @@ class Known:
 
 
 def read(results: str | Path = "results") -> dict[str, Known]:
-    """The datasets that results were made with, by name; empty where none are stored.
-
-    Raises:
-        ConfigError: the file is damaged; one line names it.
-    """
+    """The datasets that results were made with, by name; none where none are stored."""
     path = Path(results) / FILE
     if not path.exists():
         return {}
@@ -99,9 +95,6 @@ def compare(
 
     Returns:
         The differences in words, one entry each.
-
-    Raises:
-        ShardError: a shard is missing or damaged.
     """
     known, digest = read(results).get(dataset.name), digest_of(dataset, data)
     if known is not None and digest in known.digests:
@@ -121,12 +114,7 @@ def compare(
 def refuse_other_motion(
     datasets: Iterable[Dataset], data: str | Path, results: str | Path
 ) -> None:
-    """Refuse to add results of other motion to `results`.
-
-    Raises:
-        OtherMotion: names the first dataset that differs by more than rounding.
-        ShardError: a shard is missing or damaged.
-    """
+    """Refuse to add results of other motion to `results`."""
     for dataset in datasets:
         if differences := compare(dataset, data, results):
             raise OtherMotion(
@@ -139,10 +127,6 @@ def refuse_mixed(
     seen: Iterable[Mapping[str, str]], results: str | Path = "results"
 ) -> None:
     """Refuse a table whose rows were made with different motion.
-
-    Args:
-        seen: of each row, name of a dataset -> digest.
-        results: folder of the results, which knows what differs by rounding alone.
 
     Raises:
         OtherMotion: names the first dataset that differs by more than rounding.
@@ -168,11 +152,7 @@ def again_elsewhere(seen: Mapping[str, str], known: Mapping[str, Known]) -> bool
 
 
 def take_in(other: str | Path, results: str | Path = "results") -> None:
-    """Note the datasets that other results were made with.
-
-    Raises:
-        OtherMotion: a dataset there is not this one, by more than rounding.
-    """
+    """Note the datasets that other results were made with."""
     mine, new = read(results), []
     for theirs in read(other).values():
         own = mine.get(theirs.name)

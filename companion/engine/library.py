@@ -25,22 +25,14 @@ def dataset_windows(
     body: Body = ROVER,
     which: Which | None = None,
 ) -> Windows:
-    """Windows of a dataset, or of the trajectories `which` of it.
-
-    Raises:
-        ShardError: motion is missing or damaged.
-    """
+    """Windows of a dataset, or of the trajectories `which` of it."""
     terrain = find_system(dataset.collection.system).terrain
     which = dataset.count if which is None else which
     return load_windows(data, dataset.collection, which, terrain, pixels, body)
 
 
 class Library:
-    """The datasets of trials, each loaded once.
-
-    Args:
-        data: the folder of the shards.
-    """
+    """The datasets of trials, each loaded once."""
 
     def __init__(self, data: str | Path = "data"):
         self.data = Path(data)

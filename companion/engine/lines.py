@@ -25,11 +25,7 @@ AT = "curves_at"  # field of a line: offset and length of its curves, bytes
 
 
 def line_of(values: Mapping[str, Any]) -> str:
-    """A mapping of JSON types as a line with a checksum.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """A mapping of JSON types as a line with a checksum."""
     text = json.dumps(values, allow_nan=False)[:-1]
     return f'{text}{CHECKSUM}{_digest(text)}"}}\n'
 
@@ -50,10 +46,6 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
     """The values of every line of a file.
 
     A last line that was never finished is left out.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        Damaged: a line is not as it was written; names the line.
     """
     for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], 1):
         try:
@@ -69,11 +61,7 @@ def write_lines(path: Path, records: Iterable[Mapping[str, Any]]) -> None:
 
 
 class Lines:
-    """The records in one file, by key, and their curves.
-
-    Args:
-        path: NAME.jsonl; it need not exist.
-    """
+    """The records in one file, by key, and their curves."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -83,9 +71,6 @@ class Lines:
         """The values of each record by its key, without curves.
 
         They are shared by all callers: copy before you change them.
-
-        Raises:
-            Damaged: a line is damaged; one line names it.
         """
         try:
             status = self.path.stat()
@@ -96,11 +81,7 @@ class Lines:
     def split(
         self, values: Mapping[str, Any], read: bool = True
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The values of a record as they were put, and its curves, if they are `read`.
-
-        Raises:
-            Damaged: the curves are not as they were written.
-        """
+        """The values of a record as they were put; its curves if they are `read`."""
         plain = {name: value for name, value in values.items() if name != AT}
         there = read and AT in values
         return plain, self._curves(*values[AT]) if there else {}

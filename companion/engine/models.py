@@ -21,12 +21,7 @@ def predictor_of(trial: Trial, data: str | Path = "data") -> Predictor:
 
 
 def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
-    """The novice's parts of a trial's network, trained once and kept under `data`.
-
-    Raises:
-        CheckpointError: the kept weights are damaged.
-        ShardError: motion to train the network is missing.
-    """
+    """The novice's parts of a trial's network, trained once and kept under `data`."""
     folder = Path(data) / "models" / f"{trial.key}-{version_label('training')}"
     state = checkpoint.read(folder)
     if state is None:

@@ -51,14 +51,7 @@ def settings_of(network: Network, training: Any) -> dict[str, Any]:
 def weights_folder(
     data: str | Path, made_from: Mapping[str, Any], kind: str, prefix: str = ""
 ) -> Path:
-    """The folder of kept weights, named by all that they depend on.
-
-    Args:
-        data: the folder of the data.
-        made_from: data, settings and seed, of JSON types.
-        kind: of work, one of `numerics.NUMERICS`; its version is part of the name.
-        prefix: before the name.
-    """
+    """The folder of kept weights, named by all that they depend on."""
     text = json.dumps(made_from, sort_keys=True)
     key = hashlib.sha256(text.encode()).hexdigest()[:20]
     return Path(data) / "pretrained" / f"{prefix}{key}-{version_label(kind)}"
@@ -79,11 +72,6 @@ def start_of(
     """The weights that a trial starts from; None for a trial that begins afresh.
 
     They are read from disk or, where they are missing, pretrained.
-
-    Raises:
-        TrainingError: a loss of the pretraining is not finite.
-        CheckpointError: the kept weights, or an unfinished pretraining's state, are
-            damaged.
     """
     if trial.pretraining is None:
         return None
@@ -98,12 +86,7 @@ def start_of(
 
 
 def load_or_pretrain(path: Path, pretrain: Callable[[Path], Trained]) -> Pretrained:
-    """The weights in a folder; where they are missing, `pretrain` makes them.
-
-    Args:
-        path: the folder; one process at a time works on it.
-        pretrain: trains, given the folder of its unfinished state.
-    """
+    """The weights in a folder; where they are missing, `pretrain` makes them."""
     with locked(path):
         start = fine_tuning.read(path)
         if start is None:

@@ -117,17 +117,7 @@ def here(
     kind: str = "training",
     digests: Mapping[str, str] | None = None,
 ) -> Provenance:
-    """The provenance of work that this process has just done.
-
-    Args:
-        seconds: run time.
-        threads: number of PyTorch threads.
-        resumed: whether the work was interrupted and went on.
-        device: 'cpu' or 'cuda'.
-        bundle: most trials that were trained side by side; 0 for a trial alone.
-        kind: of work, one of `numerics.NUMERICS`.
-        digests: name of each dataset that was used -> its digest.
-    """
+    """The provenance of work that this process has just done."""
     libraries: dict[str, Any] = library_versions()
     return Provenance(
         version=sidm.__version__,

@@ -104,9 +104,6 @@ class Records(Generic[F]):
     def put(self, record: F) -> Path:
         """Store a record, in place of an earlier one about the same.
 
-        Returns:
-            The file.
-
         Raises:
             StoreError: a number is not finite, or the file is damaged.
         """
@@ -124,11 +121,7 @@ class Records(Generic[F]):
         return self.lines.path
 
     def get(self, about: Any) -> F | None:
-        """The stored record, or None.
-
-        Raises:
-            StoreError: the record is damaged or about something else.
-        """
+        """The stored record, or None."""
         values = self._values().get(key_of(about))
         if values is None:
             return None
@@ -199,13 +192,6 @@ class Records(Generic[F]):
     ) -> int:
         """Make records, and store each as soon as it is done, in an older one's place.
 
-        Args:
-            abouts: what the records are about; see `missing`.
-            work: makes the record about one of them.
-            executor: where the work is done.
-            what: the name of the work, for the bar and for messages.
-            progress: whether to show a bar.
-
         Returns:
             How many failed: each is reported in one line, and the others go on.
         """
@@ -232,13 +218,7 @@ def one_line(error: BaseException) -> str:
 
 
 class ProvenanceTimer:
-    """Measures the work on a record, for its provenance.
-
-    Args:
-        kind: of work, one of `numerics.NUMERICS`.
-        used: an object with `datasets`, such as a Trial; None where no dataset is used.
-        data: the folder of the datasets.
-    """
+    """Measures the work on a record, for its provenance."""
 
     def __init__(self, kind: str, used: Any, data: str | Path) -> None:
         source()  # as the work begins

@@ -19,7 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.engine.bundles import BundleCallbacks, bundles, fits, run_bundle
+from companion.engine.bundles import bundles, fits, run_bundle
 from companion.engine.datasets import collect_motion, refuse_missing_motion
 from companion.engine.execute import run_trial
 from companion.engine.known_motion import refuse_other_motion
@@ -176,10 +176,17 @@ class _Runner(NamedTuple):
         for group in bundles(trials):
             if time.monotonic() >= until:
                 return
-            callbacks = BundleCallbacks(show, self.report_failure)
-            for row in run_bundle(
-                group, slots, self.data, folder, callbacks, self.device, until
-            ):
+            rows = run_bundle(
+                group,
+                slots,
+                self.data,
+                folder,
+                show,
+                self.report_failure,
+                self.device,
+                until,
+            )
+            for row in rows:
                 try:
                     self.store_result(row, folder(row.trial))
                 except StoreError as error:
@@ -220,11 +227,6 @@ def run_here(
 
     The bar counts samples up to `max_samples`, which early stopping seldom lets a trial
     reach.
-
-    Raises:
-        ConfigError: motion is missing.
-        OtherMotion: see `run`.
-        TrainingError: a loss was not finite; the failure is stored.
     """
     store = results if isinstance(results, Results) else Results(results)
     stored = store.get(trial)
@@ -254,17 +256,7 @@ def collect_and_run(
     data: str | Path = "data",
     results: Results | str | Path = "results",
 ) -> Results:
-    """Collect the motion of missing trials, and run them.
-
-    Args:
-        trials: that are needed.
-        workers: number of local processes.
-        data: the folder of the shards.
-        results: the store, or its folder.
-
-    Returns:
-        The store.
-    """
+    """Collect the motion of missing trials, and run them."""
     store = results if isinstance(results, Results) else Results(results)
     missing = store.missing(trials)
     collect_motion(motion_of(missing), data, workers)

@@ -95,10 +95,6 @@ class Results(Records[Row]):
 
         Returns:
             How many rows were copied.
-
-        Raises:
-            OtherMotion: the rows there were made with other motion.
-            StoreError: a row there is damaged.
         """
         known_motion.take_in(other.folder, self.folder)
         copied = 0

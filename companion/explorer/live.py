@@ -42,7 +42,6 @@ LOOK = """<style>
 def _cached_ride(
     robot: Robot, roughness: float, seed: int, throttle: float, steps: int, motors: bool
 ) -> Ride:
-    """A ride, simulated only once for the same settings."""
     ground = Terrain(cell_height_scale=roughness, size=SIZE)
     return ride(robot, ground, seed, throttle, steps=steps, strut_motors=motors)
 

@@ -61,7 +61,6 @@ TALLEST = 2.0  # height of the darkest ground, m
 
 
 def _axis(kind: Any, field: str, title: str, start: float, end: float) -> Any:
-    """An axis, `alt.X` or `alt.Y`, from start to end."""
     return kind(field, title=title, scale=alt.Scale(domain=[start, end], nice=False))
 
 
@@ -78,14 +77,12 @@ def _lines() -> alt.Chart:
 
 
 def _over_time(title: str, **scale: Any) -> alt.Chart:
-    """A value `v` against time."""
     x = _axis(alt.X, "t:Q", "time (s)", 0, CONTROL_STEP * STEPS)
     y = alt.Y("v:Q", title=title, scale=alt.Scale(zero=False, **scale))
     return _lines().encode(x=x, y=y)
 
 
 def _travel() -> alt.LayerChart:
-    """A strut's travel between its stops."""
     low = min(_knob("travel_lower").values)
     lines = _over_time("travel (mm)", domain=[1e3 * low - 2, 6], nice=False)
     stops = alt.Chart(alt.NamedData(name="stops")).mark_rule(strokeDash=[2, 3])
@@ -93,7 +90,6 @@ def _travel() -> alt.LayerChart:
 
 
 def _path() -> alt.LayerChart:
-    """The paths over the ground, from above."""
     left, right, low, high = VIEW
     x = _axis(alt.X, "x:Q", "x (m)", left, right)
     y = _axis(alt.Y, "y:Q", "y (m)", low, high)
@@ -142,7 +138,6 @@ def _ground(roughness: float) -> list[int]:
 
 
 def _knob(name: str) -> Knob:
-    """The knob of that name."""
     return next(knob for knob in KNOBS if knob.name == name)
 
 

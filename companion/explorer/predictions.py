@@ -23,8 +23,6 @@ from ownrobot.replay.scene import (
     TRUTH_COLOUR,
     Scene,
     Track,
-    attitudes_on_ground,
-    height_on,
     predicted_scene,
     ride_track,
     rolling_angles,
@@ -33,11 +31,12 @@ from ownrobot.replay.scene_file import write_scene
 from ownrobot.replay.skeleton import BOXES, Skeleton
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, Ground
 from sidm.shards import Collection
+from sidm.systems import PAPER_SYSTEMS
 from sidm.terrain import generate_terrain
 
 FOLDER = Path("results/explorer")
-METHODS = ("novice_only", "sidm", "pretrain_finetune")
-SEED = 0  # seed of the trials whose models predict
+METHODS = ("novice_only", "sidm")
+SEED, MINUTES = 0, 5.0  # seed and novice data of the trials whose models predict
 WARTHOG_DRIVE = 23  # index of the drive; it turns more than most
 
 
@@ -59,65 +58,63 @@ def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
 
 
 def predicted_track(
-    states: np.ndarray,
-    ground: Ground,
-    skeleton: Skeleton,
-    name: str,
-    colour: str,
-    height: float = 0.0,
+    states: np.ndarray, skeleton: Skeleton, name: str, colour: str
 ) -> Track:
     """The track of a ghost that moves through predicted states (K + 1, 13).
 
-    Where they are x and y alone, (K + 1, 2), the ghost lies on the ground, its body
-    `height` m above it, and faces along its path.
+    Args:
+        states: (K + 1, 13), one per control step.
+        skeleton: shape of the robot.
+        name: name of the model.
+        colour: colour of the ghost.
     """
-    base, track, radius = ROVER_WHEELS
-    if states.shape[1] == 2:
-        position = np.column_stack([states, height_on(ground, states) + height])
-        turn = attitudes_on_ground(states, ground, base, track).as_quat()
-    else:
-        position, turn = states[:, POSITION], states[:, QUATERNION]
+    _, track, radius = ROVER_WHEELS
+    position, turn = states[:, POSITION], states[:, QUATERNION]
     joints = np.zeros((len(states), ROVER_JOINTS))
     joints[:, 4:8] = rolling_angles(position, turn, radius, track / 2)
     motion = (CONTROL_STEP, position, turn, joints)
     return Track(name, *motion, skeleton, colour, GHOST_OPACITY)
 
 
-def rollout_scene(rows: Sequence[Any], minutes: float) -> Scene:
-    """The first rollout of Figure 4: the robot, and the paths that models predict.
+def rollout_scene(rows: Sequence[Any], number: int) -> Scene:
+    """A drive of Figure 4: the robot, and the paths that models predict.
 
-    Of the rows of a system, the trials with SEED, METHODS and so many minutes are
-    shown. ValueError says that none is stored, or that the robot's path differs from
-    its path at the time of these trials.
+    Args:
+        rows: rows of the results store for one system; the trials with SEED, MINUTES
+            and METHODS are shown.
+        number: of the stored drive.
+
+    Raises:
+        ValueError: no such row is stored, or the robot's path differs from its path at
+            the time of these trials.
     """
     from companion.figures.style import METHOD_STYLES
 
     stored = {
         row.trial.method: row
         for row in rows
-        if (row.trial.seed, row.trial.novice_minutes) == (SEED, minutes)
+        if (row.trial.seed, row.trial.novice_minutes) == (SEED, MINUTES)
     }
     shown = {name: stored[name] for name in METHODS if name in stored}
     if not shown:
-        raise ValueError(f"no trial of seed {SEED} with {minutes:g} min is stored")
+        raise ValueError(f"no trial of seed {SEED} with {MINUTES:g} min is stored")
     first = next(iter(shown.values()))
-    steps = len(first.outcome.example_actual) - 1
-    ride = collected_ride(first.trial.datasets["rollout"].collection, 0, steps)
-    if not np.allclose(ride.states[::2, :2], first.outcome.example_actual, atol=0.05):
+    actual = np.array(first.outcome.rollouts_actual[number])
+    collection = first.trial.datasets["rollout"].collection
+    ride = collected_ride(collection, number, len(actual) - 1)
+    if not np.allclose(ride.states[::2, :2], actual[:, :2], atol=0.05):
         raise ValueError(
             "the robot drives elsewhere than when these trials were run; run them again"
         )
-    ground = Ground(ride.heights, SPACING)
-    height = float(np.mean(ride.states[:, 2] - height_on(ground, ride.states[:, :2])))
     truth = ride_track(ride, "the robot", TRUTH_COLOUR)
     ghosts = []
     for method, row in shown.items():
-        rollouts, style = row.outcome.rollouts_predicted, METHOD_STYLES[method]
-        states = np.array(rollouts[0] if rollouts else row.outcome.example_predicted)
+        states = np.array(row.outcome.rollouts_predicted[number])
+        style = METHOD_STYLES[method]
         look = (truth.skeleton, style["label"], style["color"])
-        ghosts.append(predicted_track(states, ground, *look, height))
-    title = f"the robot, and models trained on {minutes:g} min"
-    return Scene((truth, *ghosts), ground, 2.0, title)
+        ghosts.append(predicted_track(states, *look))
+    title = f"the robot, and models trained on {MINUTES:g} min"
+    return Scene((truth, *ghosts), Ground(ride.heights, SPACING), 2.0, title)
 
 
 def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
@@ -132,13 +129,17 @@ def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
 
 
 def make(folder: Path = FOLDER) -> None:
-    """Write the scenes of the book's page."""
+    """Write the scenes of the book's page: median drives, and the Warthog."""
     from companion import Results, Study
+    from companion.studies.decisive import figure4, verdicts
+    from companion.studies.decisive.arms import R_CAPS, arm
 
-    rows = Results("results").rows(Study("laptop").figure4("system1"))
-    for minutes in (5.0, 120.0):
-        path = folder / f"scene-{minutes:g}-minutes.npz"
-        write_scene(path, rollout_scene(rows, minutes))
+    study, store = Study("study"), Results("results")
+    shown = figure4.table(verdicts.results(study, store))
+    for system in PAPER_SYSTEMS:
+        number = figure4.median_drive(shown[shown.system == system])
+        rows = store.rows(arm(study, "R", system, R_CAPS, [SEED]))
+        write_scene(folder / f"scene-{system}.npz", rollout_scene(rows, number))
     write_scene(folder / "scene-warthog.npz", warthog_scene())
 
 

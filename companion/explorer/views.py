@@ -68,7 +68,6 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
 def _draw_ride(
     plots: Mapping[str, Axes], name: str, ride: Ride, line: dict[str, Any]
 ) -> None:
-    """Draw one ride into the plots, with the stops of its struts."""
     time, position = ride.times, ride.states[:, POSITION]
     plots["height"].plot(time, position[:, 2], label=name, **line)
     for angle, alpha in zip(tilt(ride.states), (1.0, PALER), strict=True):

@@ -11,42 +11,19 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from companion.figures.style import METHOD_STYLES, draw_ground, half_width, legend_below
+from companion.figures.style import draw_ground, half_width, legend_below
 from sidm.drives import CONTROL_STEP
 from sidm.plots import STYLE
 from sidm.systems import GRID_SPACING
 
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s, duration of the last frame
-LINES = ("-", "--", ":")  # line style by size of the novice data
-
-
-def rollout_film(frame: pd.DataFrame, heights: np.ndarray, seed: int = 0) -> bytes:
-    """An animated GIF of the example of Figure 4, in real time, seen from above.
-
-    The ground has heights (H, W), m; higher ground is darker. ValueError says that no
-    result of the system has that seed.
-    """
-    shown = frame[frame.seed == seed].sort_values("novice_minutes", kind="stable")
-    if not len(shown):
-        raise ValueError(f"no trial of seed {seed} is stored")
-    sizes = sorted(shown.novice_minutes.unique())
-    paths = [np.array(shown.example_actual.iloc[0])]
-    styles = [{"color": "black", "label": "the robot", "linewidth": 2.5}]
-    for row in shown.itertuples():
-        style = METHOD_STYLES[row.method]
-        line = LINES[sizes.index(row.novice_minutes) % len(LINES)]
-        label = f"{style['label']}, {row.novice_minutes:g} min"
-        paths.append(np.array(row.example_predicted))
-        styles.append({"color": style["color"], "label": label, "linestyle": line})
-    return film(paths, styles, heights)
 
 
 def film(
@@ -137,7 +114,6 @@ def _background(
 
 
 def _gif(frames: list[Image.Image]) -> bytes:
-    """An endless GIF with one frame per control step."""
     small = [
         frame.quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         for frame in frames

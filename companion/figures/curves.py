@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import (
-    EFFICIENCY_MARKS,
     LOSS_BY_SIZE,
     METHOD_STYLES,
     legend_below,
@@ -23,9 +21,7 @@ from companion.figures.style import (
     system_panels,
 )
 from companion.methods import COMPARED, FIGURE3
-from companion.statistics.efficiency import efficiency, isotonic_fit
-from companion.statistics.pairs import complete, unique_results
-from companion.statistics.savings import efficiency_band
+from companion.statistics.pairs import unique_results
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
@@ -105,38 +101,6 @@ def changed_choices(
         sizes = _curves(axes, rows, system, COMPARED)
         sizes |= _curves(axes, changed, system, COMPARED, f", {words}", **hollow)
         finish(axes, sizes)
-    return figure
-
-
-@styled
-def efficiency_curves(
-    frame: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS
-) -> Figure:
-    """Data-efficiency ratio against the loss to be reached.
-
-    The 95 % interval is shaded; triangles mark bounds.
-    """
-    xlabel = "validation loss to reach\n(squared m, m/s and rad/s, summed)"
-    ylabel = "data without SIDM / data with SIDM (-)"
-    figure, plots = system_panels(
-        frame, systems, yscale="log", xlabel=xlabel, ylabel=ylabel
-    )
-    for system, (axes, rows) in zip(systems, plots, strict=True):
-        losses = complete(rows, system)
-        if losses.values.size:
-            sidm, novice = losses.values.mean(0)
-            fits = np.concatenate([isotonic_fit(sidm), isotonic_fit(novice)])
-            levels = np.linspace(fits.min(), fits.max(), 60)
-            curve = efficiency(losses.minutes, sidm, novice, levels)
-            band = efficiency_band(losses.minutes, losses.values, curve.loss)
-            axes.fill_between(curve.loss, *band, color="0.5", alpha=0.2, lw=0)
-            for bound, marker, colour, label in EFFICIENCY_MARKS:
-                where = curve.bound == bound
-                if where.any():
-                    points = curve.loss[where], curve.ratio[where]
-                    axes.plot(*points, marker, color=colour, label=label)
-            axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="")
-        finish(axes)
     return figure
 
 

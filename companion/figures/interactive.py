@@ -137,17 +137,14 @@ def _dashes(line: Any) -> list[int]:
 
 
 def _number(field: str, title: str) -> Any:
-    """A tooltip with a number of three decimals."""
     return alt.Tooltip(f"{field}:Q", title=title, format=".3f")
 
 
 def _labels(methods: pd.Series) -> pd.Series:
-    """The labels of methods."""
     return methods.map(lambda name: METHOD_STYLES[name]["label"])
 
 
 def _seeds(frame: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
-    """One row per trial: system, method, minutes, seed, loss."""
     columns = ["system", "method", "novice_minutes", "seed", "validation_loss"]
     rows = frame[frame.method.isin(methods)][columns]
     names = {"novice_minutes": "minutes", "validation_loss": "loss"}

@@ -42,7 +42,7 @@ def name_rows(axes: Axes, names: Sequence[str], values: Sequence[str] = ()) -> N
         names: of the rows.
         values: texts at the right end of the rows, such as a range.
     """
-    axes.set_ylim(len(names) - 0.6, -0.85)
+    axes.set_ylim(len(names) - 0.55, -0.85)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     across = axes.get_yaxis_transform()

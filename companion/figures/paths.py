@@ -1,11 +1,12 @@
-"""Predicted paths: Figure 4 and its example."""
+"""Predicted paths: Figure 4."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import by_method_and_size, size_style
@@ -29,14 +30,7 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     for method, minutes, group in by_method_and_size(frame):
         style = size_style(method, sizes.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        # (S, K + 1)
-        errors = np.array([(0.0, *error) for error in group.position_error])
-        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
-        left.plot(time, mean, label=label, **style)
-        if len(errors) > 1:
-            error = errors.std(0, ddof=1) / np.sqrt(len(errors))
-            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
-            left.fill_between(time, mean - error, mean + error, **shade)
+        draw_deviation(left, group, label, style)
         for path in group[group.seed == seed].example_predicted:
             right.plot(*np.array(path).T, **style)  # the styles of the left plot
     for path in frame[frame.seed == seed].example_actual[:1]:
@@ -47,6 +41,20 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     finish(right, legend=False)
     legend_below(figure, [left, right])
     return figure
+
+
+def draw_deviation(
+    axes: Axes, group: pd.DataFrame, label: str, style: dict[str, Any]
+) -> None:
+    """Draw the mean deviation of trials over time, with its standard error as shade."""
+    # (S, K + 1)
+    errors = np.array([(0.0, *error) for error in group.position_error])
+    time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
+    axes.plot(time, mean, label=label, **style)
+    if len(errors) > 1:
+        error = errors.std(0, ddof=1) / np.sqrt(len(errors))
+        shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
+        axes.fill_between(time, mean - error, mean + error, **shade)
 
 
 #: Time of a prediction with its unit -> index of its step.
@@ -68,29 +76,12 @@ def mean_errors(frame: pd.DataFrame) -> pd.DataFrame:
     return means
 
 
-class Example(NamedTuple):
-    """Figure 4's example beside all test trajectories, m.
-
-    The distances are from the robot's last position to those that the models of one
-    seed predict.
-    """
-
-    driven: float  # length of the robot's path
-    nearest: float  # smallest distance
-    farthest: float  # largest distance
-    mean: float  # mean distance over all test trajectories and trials
-
-
-def example(frame: pd.DataFrame, seed: int) -> Example | None:
-    """Figure 4's example with the models of a seed; None if they are not stored."""
-    shown = frame[frame.seed == seed]
-    if not len(shown):
-        return None
-    actual = np.array(shown.example_actual.iloc[0])
-    distances = [
-        float(np.linalg.norm(path[-1] - actual[-1]))
-        for path in map(np.array, shown.example_predicted)
-    ]
-    driven = float(np.linalg.norm(np.diff(actual, axis=0), axis=1).sum())
-    mean = float(frame.position_error.str[-1].astype(float).mean())
-    return Example(driven, min(distances), max(distances), mean)
+def page_table(frame: pd.DataFrame) -> pd.DataFrame:
+    """`mean_errors` of each system with the headings of a page."""
+    if not len(frame):
+        return pd.DataFrame()
+    parts = {name: mean_errors(rows) for name, rows in frame.groupby("system")}
+    table = pd.concat(parts, names=["system"]).reset_index()
+    labels = table.method.map(lambda name: METHOD_STYLES[name]["label"])
+    table = table.assign(method=labels)
+    return table.rename(columns={"novice_minutes": "novice data (min)"})

@@ -30,10 +30,10 @@ _STYLES: dict[str, tuple[str, Any, str]] = {
     "pretrain_finetune": ("#CC79A7", ":", "D"),
     # methods that may do better, and the method without a network
     "least_squares": ("#009E73", (0, (3, 1, 1, 1)), "P"),
-    "corrected": ("#D55E00", (0, (3, 1, 1, 1)), "p"),
-    "corrected_mirrored": ("#882255", "-", "h"),
+    "corrected": ("#8C6D00", (0, (3, 1, 1, 1)), "p"),
+    "corrected_mirrored": ("#332288", "-", "h"),
     "corrected_averaged": ("#44AA99", (0, (5, 1)), "H"),
-    "mirrored": ("#009E73", "-", "*"),
+    "mirrored": ("#882255", "-", "*"),
     "averaged": ("#7F3FBF", (0, (5, 1)), "X"),
     "tethered": ("#000000", (0, (1, 1)), "v"),
     "adapters": ("#8C6D00", "-.", "P"),
@@ -45,7 +45,6 @@ _PLAIN = "#555555", "-", "."  # for methods that no curve shows
 
 
 def _style(colour: str, line: Any, marker: str) -> dict[str, Any]:
-    """Matplotlib's options for a line."""
     return {"color": colour, "linestyle": line, "marker": marker}
 
 
@@ -82,12 +81,6 @@ LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
 #: Axes of a plot of losses against novice data.
 LOSS_BY_SIZE = dict(
     xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL
-)
-#: Bound, marker, colour and label of a data-efficiency ratio.
-EFFICIENCY_MARKS = (
-    ("=", "o", "#0072B2", "ratio"),
-    (">=", "^", "#D55E00", "at least"),
-    ("<=", "v", "#009E73", "at most"),
 )
 
 

@@ -80,6 +80,21 @@ class Ablations:
             for name, usual in self.usual.items()
         }
 
+    def dots(self, names: Sequence[str], minutes: float) -> pd.DataFrame:
+        """Ratios of settings at a size, a row per `system`, `setting` and `value`.
+
+        Figure 3's values have the ratio 1 and no interval.
+        """
+        parts = []
+        for name in names:
+            rows = self.ratios[name]
+            rows = rows[rows.novice_minutes == minutes]
+            usual = {s: v for s, v in self.usual[name].items() if s in set(rows.system)}
+            own = pd.DataFrame({"system": [*usual], "value": [*usual.values()]})
+            both = pd.concat([rows, own.assign(ratio=1.0)])
+            parts.append(both.assign(setting=name))
+        return pd.concat(parts)
+
     def ratio(self, name: str, system: str, value: float) -> str:
         """The SIDM's loss at a value by that at Figure 3's, at the smallest size."""
         rows = self.ratios[name]
@@ -89,7 +104,7 @@ class Ablations:
     def figure(self, *names: str) -> Figure:
         """Losses by the values of some settings, side by side."""
         tables = {name: self.tables[name] for name in names}
-        return ablations.comparison_figure(tables, self.systems, self.usual)
+        return ablations.figure(tables, self.systems, self.usual)
 
     def page_tables(self) -> Iterator[tuple[str, pd.DataFrame]]:
         """Title and table of each setting and size, for a page."""
@@ -121,4 +136,4 @@ def ratio_text(rows: pd.DataFrame) -> str:
     """The ratio in the first row of a comparison, or that none was run."""
     if rows.empty:
         return "not run"
-    return Interval(*rows[["ratio", "low", "high"]].iloc[0]).text(3)
+    return Interval(*rows[["ratio", "low", "high"]].iloc[0]).text(2)

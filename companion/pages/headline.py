@@ -102,17 +102,17 @@ def headlines(stored: Stored) -> list[Headline]:
     finetuned = frame[frame.method.isin((COMPARED[1], FIGURE3[-1]))]
     long = long_trained(decisive)
     groups = [
-        (f"an SIDM with 5 min, {how}", ends, decisive, "decisive", systems)
+        (f"an SIDM with 5 min, {how}", decisive, "decisive", systems)
         for verdict, how in TRAINED.items()
         if len(systems := long[long.verdict == verdict].system)
     ]
-    groups.append(("fine-tuning with 5 min", ends, finetuned, "3", PAPER_SYSTEMS))
+    groups.append(("fine-tuning with 5 min", finetuned, "3", PAPER_SYSTEMS))
     origins = []
-    for method, group_ends, trials, figure, systems in groups:
+    for method, trials, figure, systems in groups:
         command = f"companion run --preset {PRESET} --figure {figure}"
         for system in systems:
             count = int((trials.system == system).sum())
-            for end in group_ends:
+            for end in ends:
                 origins.append((f"{system}: {ratio} {method}{end}", count, command))
     numbers = headline_numbers(stored)
     return [

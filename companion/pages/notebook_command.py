@@ -75,7 +75,6 @@ def run_from_arguments(arguments: argparse.Namespace) -> int:
 
 
 def _refuse(arguments: argparse.Namespace) -> None:
-    """Raise ConfigError for arguments that cannot be combined."""
     changes = arguments.output or arguments.parameter or arguments.file
     if arguments.in_place and changes:
         raise ConfigError(
@@ -132,7 +131,6 @@ def _from_here(value: Any, parameter: Parameter) -> Any:
 
 
 def _show(path: Path) -> None:
-    """Print a notebook's parameters."""
     print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
     for name, parameter in inspect(path).items():
         declaration = f"{name}: {parameter.kind_text} = {parameter.default}"

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 
 import nbformat
+import pandas as pd
 import yaml
 
-from companion.pages.markdown import markdown_table
+from companion.figures.style import system_label
+from companion.pages.markdown import markdown_table, table_markdown
 from companion.pages.notebook import find_notebook, notebooks, project_root
 from companion.pages.parameters import inspect
 from companion.presets import PRESETS, Preset
-from companion.study import Study
 from sidm.systems import PAPER_SYSTEMS
 
 HEAD = ("parameter", "type", "value", "what it is")
@@ -34,45 +35,7 @@ def chapters_text(chapters: Sequence[str] = ()) -> str:
 
 def presets_text() -> str:
     """A table of the presets' main sizes, and one of what files of `params/` set."""
-    return f"{_sizes()}\n\n{_files()}"
-
-
-def _sizes() -> str:
-    """A column for each preset."""
-
-    def line(name: str, text: Callable[[Preset], object]) -> tuple[str, ...]:
-        return name, *(str(text(preset)) for preset in PRESETS.values())
-
-    def minutes(sizes: Sequence[float]) -> str:
-        return ", ".join(f"{size:g}" for size in sizes)
-
-    def trials(preset: Preset) -> int:
-        study = Study(preset)
-        return sum(len(study.figure3(system)) for system in PAPER_SYSTEMS)
-
-    lines = [
-        line(
-            "novice data, system 1 (min)", lambda p: minutes(p.novice_minutes_system1)
-        ),
-        line(
-            "novice data, system 2 (min)", lambda p: minutes(p.novice_minutes_system2)
-        ),
-        line("expert data (min)", lambda p: f"{p.expert_minutes:.3g}"),
-        line("validation data (min)", lambda p: f"{p.validation_minutes:g}"),
-        line("trials a point", lambda p: p.seeds),
-        line(
-            "more of them",
-            lambda p: "; ".join(f"{n} with {size:g} min" for size, n in p.more_seeds),
-        ),
-        line("trials of Figure 3", trials),
-        line("height map (pixels a side)", lambda p: p.network.pixels),
-        line(
-            "LSTM (layers x size)", lambda p: f"{p.network.layers} x {p.network.hidden}"
-        ),
-        line("samples a trial, at most", lambda p: f"{p.training.max_samples:,}"),
-        line("patience (samples)", lambda p: f"{p.training.patience:,}"),
-    ]
-    return markdown_table(["", *(f"`{name}`" for name in PRESETS)], lines)
+    return f"{table_markdown(sizes(PRESETS, PAPER_SYSTEMS))}\n\n{_files()}"
 
 
 def _files() -> str:
@@ -86,3 +49,35 @@ def _files() -> str:
         for name in names
     ]
     return markdown_table(["parameter", *(f"`{name}.yaml`" for name in values)], lines)
+
+
+def sizes(presets: Mapping[str, Preset], systems: Sequence[str]) -> pd.DataFrame:
+    """Sizes of presets side by side: a row a size, a column a preset."""
+    columns = {f"`{name}`": _sizes(preset, systems) for name, preset in presets.items()}
+    table = pd.DataFrame(columns, dtype=object)
+    return table.rename_axis("preset").reset_index()
+
+
+def _sizes(preset: Preset, systems: Sequence[str]) -> dict[str, object]:
+    """Sizes of a preset by their name on a page."""
+    novice = {
+        f"novice data, {system_label(name)} (min)": ", ".join(
+            f"{minutes:g}" for minutes in preset.novice_minutes(name)
+        )
+        for name in systems
+    }
+    p_expert = {
+        f"$p_e$, {system_label(name)}": preset.p_expert(name) for name in systems
+    }
+    return {
+        "expert data (min)": f"{preset.expert_minutes:.0f}",
+        **novice,
+        **p_expert,
+        "validation data (min)": f"{preset.validation_minutes:g}",
+        "trials a point": preset.seeds,
+        "trials with 1 and 5 min": preset.seeds_at(5),
+        "height map (pixels a side)": preset.network.pixels,
+        "LSTM layers": f"{preset.network.layers} x {preset.network.hidden}",
+        "initial weights": preset.network.initialisation,
+        "samples a trial, at most": f"{preset.training.max_samples:,}",
+    }

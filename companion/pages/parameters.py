@@ -91,7 +91,6 @@ def inspect(path: Path) -> dict[str, Parameter]:
 
 
 def _declarations(path: Path) -> str:
-    """The source of the cell that declares a notebook's parameters."""
     try:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     except FileNotFoundError:
@@ -109,7 +108,6 @@ def _declarations(path: Path) -> str:
 
 
 def _kind(annotation: ast.expr, name: str, path: Path) -> Any:
-    """The type that an annotation stands for."""
     try:
         return _type(annotation)
     except (KeyError, TypeError, ValueError, RecursionError) as error:
@@ -254,7 +252,6 @@ def _names(path: Path) -> frozenset[str]:
 
 
 def _read_file(path: Path) -> dict[str, Any]:
-    """The mapping in a parameter file."""
     try:
         values = yaml.safe_load(path.read_text())
     except FileNotFoundError:

@@ -61,7 +61,6 @@ class Reading(NamedTuple):
 
 
 def _reading(row: Any, statement: str, section: str, reading: str) -> Reading:
-    """Reading of a row of a table of claims."""
     label, seeds = system_label(row.system), int(row.seeds)
     return Reading(statement, section, reading, label, row.ours, seeds, row.verdict)
 

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from companion.figures.style import system_label
 from companion.pages.markdown import markdown_table
-from sidm.simulation import Simulator
 from sidm.systems import ROLES, System
 from sidm.terrain import generate_terrain
 
@@ -34,6 +33,8 @@ def robots_figure(
     pairs: Sequence[System], terrain_seed: int, throttle: float, steps: int
 ) -> Figure:
     """Pictures of both robots of each pair after a short drive on their own ground."""
+    from sidm.simulation import Simulator  # PyBullet, which the rest does without
+
     figure = plt.figure(figsize=(9.6, 3.5 * len(pairs)), layout="constrained")
     panels = iter(figure.subplots(len(pairs), 2).flat)
     for pair in pairs:

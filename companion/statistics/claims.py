@@ -13,7 +13,7 @@ import pandas as pd
 from companion.methods import COMPARED
 from companion.statistics.intervals import interval
 from companion.statistics.pairs import complete, mean_difference, paired_comparison
-from companion.statistics.savings import savings
+from companion.statistics.savings import ratio_texts, savings
 from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
 
@@ -111,11 +111,10 @@ def data_saving_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     nearest = (np.log(table.novice_minutes) - np.log(CLAIMED_AT)).abs().idxmin()
     row = table.loc[nearest]
     estimate = Interval(row.ratio, row.low, row.high)
-    bound = {"=": "", ">=": "at least ", "<=": "at most "}[row.bound]
     claim = (
         f"data without SIDM / with SIDM, same loss, {row.novice_minutes:g} min with it"
     )
-    ours = f"{bound}{estimate.text(3)} ×"
+    ours = f"{ratio_texts(table.loc[[nearest]], 3)[0]} ×"
     says = verdict(estimate, 1.0, number)
     values = (claim, system, words, *estimate, ours, int(row.seeds), says)
     return pd.DataFrame([values], columns=list(COLUMNS))
@@ -187,6 +186,18 @@ def figure4_claims(
         for minutes in table.novice_minutes
     ]
     return claim_rows(table, claims, "less (Figure 4)", unit="m")
+
+
+def figure4_text(frame: pd.DataFrame, minutes: float) -> str:
+    """The deviation after 2.5 s with SIDM minus that without, in m, as a text.
+
+    Args:
+        frame: results of Figure 4 of one system.
+        minutes: of novice data.
+    """
+    found = figure4_claims(frame, (minutes,))[["value", "low", "high"]]
+    texts = [Interval(*row).text(2) for row in found.itertuples(index=False)]
+    return texts[0] if texts else "not run"
 
 
 def page_table(table: pd.DataFrame) -> pd.DataFrame:

@@ -10,7 +10,6 @@ import pandas as pd
 
 from companion.statistics.efficiency import (
     Efficiency,
-    efficiency,
     efficiency_at_sizes,
     isotonic_fit,
     log_of_value,
@@ -190,22 +189,3 @@ def minutes_text(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
     data, sign = minutes_needed(minutes, isotonic_fit(losses), loss)
     prefix = {"=": "", "<=": "at most ", ">": "more than "}[sign]
     return f"{prefix}{float(f'{data:.2g}'):g} min"
-
-
-def efficiency_band(
-    minutes: np.ndarray, pairs: np.ndarray, losses: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the 95 % interval of the data-efficiency ratio at each of L losses.
-
-    `pairs` (S, 2, M) has the method first, then the comparison. NaN without interval.
-    """
-
-    def log_ratio(drawn: np.ndarray, loss: float) -> float:
-        method, comparison = drawn.mean(0)
-        ratios = efficiency(minutes, method, comparison, np.array([loss]))
-        return log_of_value(ratios.ratio[0], str(ratios.bound[0]))
-
-    ends = np.exp(
-        [interval(functools.partial(log_ratio, loss=loss), pairs) for loss in losses]
-    )
-    return ends[:, 1], ends[:, 2]

@@ -35,8 +35,6 @@ from sidm.plots import finish, side_by_side, styled
 from sidm.shards import trajectories_for
 from sidm.systems import PAPER_SYSTEMS
 
-EMPTY: Mapping[str, float] = MappingProxyType({})
-
 #: Values of p_e; None stands for 'proportional to the data'.
 P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
 
@@ -212,7 +210,6 @@ def with_usual(
 
 
 def _values(frame: pd.DataFrame, name: str) -> pd.Series:
-    """The ablated value of each trial."""
     if name == "matching_iterations":  # none without regularisation
         return frame[name].where(frame.regularise.astype(bool), 0)
     return frame[name]
@@ -288,33 +285,16 @@ _AXES = {
 
 @styled
 def figure(
-    table: pd.DataFrame,
-    name: str,
-    systems: Sequence[str] = PAPER_SYSTEMS,
-    usual: Mapping[str, float] = EMPTY,
-) -> Figure:
-    """Validation loss against an ablated setting, one line per size and method.
-
-    Lines are means over seeds; bars reach from the minimum to the maximum. Values of
-    p_e have a linear axis; the values of other settings stand at equal distances. A
-    vertical line marks each system's `usual` value, that of Figure 3.
-    """
-    figure, panels = side_by_side(len(systems))
-    for axes, system in zip(panels, systems, strict=True):
-        _draw(axes, table, name, system, usual)
-        axes.set(ylabel=LOSS_LABEL, title=system_label(system))
-    return figure
-
-
-@styled
-def comparison_figure(
     tables: Mapping[str, pd.DataFrame],
     systems: Sequence[str] = PAPER_SYSTEMS,
     usual: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Figure:
-    """Several ablations side by side, each drawn as `figure` draws it.
+    """Validation loss against ablated settings, one line per size and method.
 
-    Each table has a column of plots, each system a row, which shares the loss axis.
+    Each setting, with its `table`, has a column of plots, each system a row, which
+    shares the loss axis. Lines are means over seeds; bars reach from the minimum to the
+    maximum. Values of p_e have a linear axis; the values of other settings stand at
+    equal distances. A vertical line marks a system's `usual` value, that of Figure 3.
     """
     names = list(tables)
     figure, panels = side_by_side(len(systems) * len(names), len(names))
@@ -324,7 +304,7 @@ def comparison_figure(
         system, name = systems[row], names[column]
         if column and len(tables[name]):
             axes.sharey(panels[row * len(names)])
-        _draw(axes, tables[name], name, system, usual.get(name, EMPTY), legend=False)
+        _draw(axes, tables[name], name, system, usual.get(name, {}))
         axes.set_title(system_label(system))
         axes.tick_params(labelleft=not column)
         if not column:
@@ -334,14 +314,8 @@ def comparison_figure(
 
 
 def _draw(
-    axes: Axes,
-    table: pd.DataFrame,
-    name: str,
-    system: str,
-    usual: Mapping[str, float],
-    legend: bool = True,
+    axes: Axes, table: pd.DataFrame, name: str, system: str, usual: Mapping[str, float]
 ) -> None:
-    """Draw one system's lines of an ablation; the arguments are those of `figure`."""
     values = sorted({*table.value, *usual.values()})
     x = {
         value: value if name == "p_expert" else float(number)
@@ -369,7 +343,7 @@ def _draw(
     if len(rows) and system in usual:
         look = {"color": "0.6", "linestyle": ":", "marker": "", "zorder": 0}
         axes.axvline(x[usual[system]], label="as in Figure 3", **look)
-    finish(axes, legend=legend)
+    finish(axes, legend=False)
     if len(rows) and name == "p_expert":
         axes.set_xlim(-0.03, 1.03)
     elif len(rows):

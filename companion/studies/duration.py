@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import pandas as pd
+
+from companion.engine.store import Results
 from companion.methods import COMPARED, METHODS
+from companion.statistics.pairs import paired_comparison
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import replace
@@ -40,3 +44,11 @@ def trials(study: Study, system: str) -> list[Trial]:
         firsts += long.points(system, ["sidm"], MINUTES, many_experts, seeds=1)
         trials += [first.replace(seed=seed) for first in firsts]
     return trials
+
+
+def ratio_of_many_experts(study: Study, store: Results) -> pd.DataFrame:
+    """The SIDM's loss with a p_e of MANY_EXPERTS by that with the usual one."""
+    frame = store.frame(trials(study, "system1"))
+    sidm = frame[frame.method == "sidm"]
+    many = sidm.p_expert == MANY_EXPERTS
+    return paired_comparison(sidm[many], sidm[~many], by=["p_expert"])

@@ -11,7 +11,6 @@ of prediction errors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
@@ -94,13 +93,13 @@ def components(states: np.ndarray, yaw: float) -> np.ndarray:
     return np.column_stack([forward, sideways, z, roll, pitch, turned, states[:, 7:13]])
 
 
-def measure(
-    executor: Executor,
-    results: Path,
+def make(
+    study: Study,
+    workers: int,
     systems: Sequence[str] = EVERY_SYSTEM,
     starts: int = STARTS,
 ) -> None:
-    """Drive all pairs, and store the gap and the novice's spread at every step.
+    """Measure and store the gap at every step, for `companion run --figure gap`.
 
     The gap is the root mean square, over the starts, of the difference between the
     expert's and the novice's component. The spread is the standard deviation of the
@@ -109,24 +108,23 @@ def measure(
     batches = [
         range(first, min(first + BATCH, starts)) for first in range(0, starts, BATCH)
     ]
-    jobs = {
-        system: [
-            executor.submit(simulate_components, system, batch) for batch in batches
-        ]
-        for system in systems
-    }
     measured = {}
-    for system, parts in jobs.items():
-        motions = np.concatenate([part.result() for part in parts], axis=1)
-        novice, expert = motions  # (N, STEPS + 1, 12) each
-        gap = np.sqrt(((expert - novice) ** 2).mean(0))
-        measured[system] = {
-            "gap": gap.round(6).tolist(),
-            "spread": novice.std(0).round(6).tolist(),
+    with local_pool(workers) as pool:
+        jobs = {
+            system: [pool.submit(simulate_components, system, part) for part in batches]
+            for system in systems
         }
+        for system, parts in jobs.items():
+            motions = np.concatenate([part.result() for part in parts], axis=1)
+            novice, expert = motions  # (N, STEPS + 1, 12) each
+            gap = np.sqrt(((expert - novice) ** 2).mean(0))
+            measured[system] = {
+                "gap": gap.round(6).tolist(),
+                "spread": novice.std(0).round(6).tolist(),
+            }
     robots = {system: to_mapping(find_system(system)) for system in systems}
     made = {"starts": starts, "systems": robots, "numerics": versions("free_struts")}
-    write_record(results / NAME, {"found": measured, **made})
+    write_record(study.results / NAME, {"found": measured, **made})
 
 
 def table(results: Path | str = "results") -> pd.DataFrame:
@@ -169,9 +167,3 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
         axes.set_ylim(len(names) - 0.5, -0.5)
     legend_below(figure, [axes])
     return figure
-
-
-def make(study: Study, workers: int) -> None:
-    """Measure and store the gap, for `companion run --figure gap`."""
-    with local_pool(workers) as pool:
-        measure(pool, study.results)

@@ -64,7 +64,6 @@ def retrained(records: Iterable[Any], things: str, results: str | Path) -> str:
 
 
 def _settings(frame: pd.DataFrame) -> pd.Series:
-    """What was trained, and how, as text."""
     names = ["system", "method", "novice_minutes", "seed"]
     for kind in (Network, StudyTraining):
         names += [field.name for field in dataclasses.fields(kind)]
@@ -121,7 +120,6 @@ def _values(trial: Trial) -> dict[str, Any]:
 
 
 def _differing(own: dict[str, Any], other: dict[str, Any]) -> list[str]:
-    """The settings in which two trials differ, with both values."""
     return [
         f"{name} {value} (there {other[name]})"
         for name, value in own.items()

@@ -97,7 +97,6 @@ def measure(
 
 
 def _stored(results: Path | str, preset: str) -> dict[str, Any]:
-    """The record of a preset's measurement; empty without one."""
     values = read_or_empty(Path(results) / NAME)
     return values if values.get("preset") == preset else {}
 

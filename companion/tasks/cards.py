@@ -15,12 +15,7 @@ YARDSTICKS = {"mean": "the mean", "nothing_changes": "nothing changes"}
 
 
 def card(task: Task, results: Sequence[EntryResult] = ()) -> str:
-    """The robots, their sensors, how much motion, and the losses of two yardsticks.
-
-    Args:
-        task: the task.
-        results: stored results, which have the yardsticks' losses.
-    """
+    """The robots, their sensors, how much motion, and the losses of two yardsticks."""
     expert, novice = bodies(task)
     whose = (
         f"{task.pair}: its expert and its novice"

@@ -105,11 +105,7 @@ SEEDS = 3
 
 
 def find_tasks(name: str) -> list[Task]:
-    """The tasks of a name: that of one task, of a group, or 'all'.
-
-    Raises:
-        ConfigError: there is no such task; the message has the nearest name.
-    """
+    """The tasks of a name: that of one task, of a group, or 'all'."""
     if name == "all":
         return [*TASKS.values()]
     if name in GROUPS:
@@ -136,9 +132,6 @@ def load_task(
         data: folder of simulated motion.
         workers: processes that simulate.
         progress: whether to show bars while motion is simulated.
-
-    Raises:
-        ImportError: PyBullet is needed and not installed.
     """
     if not task.pair:
         return _read(task, seed)
@@ -192,11 +185,7 @@ def _own_sessions(drives: list[Drive]) -> list[Drive]:
 
 
 def recorded_body() -> Body:
-    """The body of the recorded robots.
-
-    Raises:
-        ConfigError: the recordings are not in this folder.
-    """
+    """The body of the recorded robots."""
     if not RECORDINGS.is_dir():
         raise ConfigError(
             f"{RECORDINGS}: there is no such folder; run this in the repository's, "

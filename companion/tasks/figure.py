@@ -44,6 +44,8 @@ ROWS = {
     "corrected": "network, corrected",
     "sidm": "SIDM",
 }
+#: What the figure shows, for readers who cannot see it.
+WORDS = "Losses of eight methods, divided by that of least squares, with intervals"
 HEADINGS = {False: "novice's drives alone", True: "with the expert's drives"}
 
 

@@ -66,11 +66,7 @@ class LibraryModel:
 
 
 class LibraryMethod:
-    """A method of `ownrobot.fit`, with the settings of `ownrobot.fit`.
-
-    Args:
-        name: a key of `ownrobot.methods.registry.METHODS`.
-    """
+    """A method of `ownrobot.fit`, with the settings of `ownrobot.fit`."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -107,11 +103,7 @@ class Method(NamedTuple):
 
 
 def find_method(name: str) -> Method:
-    """The method of a name, checked.
-
-    Raises:
-        ConfigError: there is no such method, file or class; the message is one line.
-    """
+    """The method of a name, checked."""
     if ".py:" not in name:
         from ownrobot.methods.registry import METHODS
 
@@ -129,14 +121,7 @@ def find_method(name: str) -> Method:
 
 
 def load_method(name: str) -> EnteredMethod:
-    """An instance of a method.
-
-    Args:
-        name: a library's method, or 'file.py:Class' with a path that exists here.
-
-    Raises:
-        ConfigError: the file cannot be imported, or it has no such class with `fit`.
-    """
+    """An instance of a method."""
     if ".py:" not in name:
         return LibraryMethod(name)
     file, _, class_name = name.rpartition(":")

@@ -30,9 +30,6 @@ def write_page(frame: pd.DataFrame, path: Path) -> None:
     """Write the page of a table of results, as `scores.results_frame` returns it.
 
     It has a table for each group of tasks with rows, and one for all.
-
-    Raises:
-        OSError: the file cannot be written; the message is one line.
     """
     values = {
         "groups": [_group(frame, *group) for group in groups_of(frame).items()],

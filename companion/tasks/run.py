@@ -20,13 +20,7 @@ records = records_of(EntryResult, "benchmark")
 def newest(
     results: str | Path = "results", here: Sequence[str] = ()
 ) -> list[EntryResult]:
-    """The stored results; of a method's file those of its newest version alone.
-
-    Args:
-        results: folder of the results.
-        here: names of methods, as in `run`, of which the version that is here counts
-            as the newest.
-    """
+    """The stored results; of a method's file those of its newest version alone."""
     rows = sorted(records(results).all(), key=lambda row: row.provenance.date)
     versions = {row.about.method: row.about.code for row in rows}
     versions |= {method.name: method.code for method in map(find_method, here)}
@@ -36,11 +30,7 @@ def newest(
 def entries(
     methods: Sequence[str], tasks: Sequence[Task], seeds: int = SEEDS
 ) -> dict[Entry, str]:
-    """The trials of methods on tasks -> the method's name with its path.
-
-    Raises:
-        ConfigError: there is no such method.
-    """
+    """The trials of methods on tasks -> the method's name with its path."""
     found = {name: find_method(name) for name in methods}
     return {
         Entry(method=method.name, code=method.code, task=task, seed=seed): name
@@ -63,28 +53,15 @@ def run(
     progress: bool = True,
     retry: bool = False,
 ) -> list[EntryResult]:
-    """Run the trials that are missing, and return the results of all.
-
-    Args:
-        methods: names of methods of `ownrobot`, or 'file.py:Class'.
-        tasks: the tasks.
-        seeds: trials of each method on each task.
-        data: folder of simulated motion; what is missing is simulated first.
-        results: folder of the results.
-        workers: trials at the same time on this machine, and simulations before.
-        limit: most seconds of a trial.
-        executor: where trials are started; by default threads of this process. Each
-            trial has a process of its own.
-        progress: whether to show bars.
-        retry: whether stored trials that failed run again.
-    """
+    """Run the trials that are missing, and return the results of all."""
     store, wanted = records(results), entries(methods, tasks, seeds)
     missing = store.missing(wanted)
     if retry:
         failed = [row for row in store.stored(wanted) if row.status not in NO_FAILURE]
         missing = list(dict.fromkeys([*missing, *(row.about for row in failed)]))
     for task in dict.fromkeys(entry.task for entry in missing):
-        _prepare(task, data, workers, progress)
+        # motion is simulated once, outside the limit of a trial
+        load_task(task, 0, data, workers=workers, progress=progress)
     work = functools.partial(
         _one, names=wanted, data=data, limit=limit, folder=Path.cwd()
     )
@@ -107,11 +84,6 @@ def _one(
     return run_trial(about, names[about], data, limit, folder)
 
 
-def _prepare(task: Task, data: str | Path, workers: int, progress: bool) -> None:
-    """Simulate missing motion once, outside the limit of a trial."""
-    load_task(task, 0, data, workers=workers, progress=progress)
-
-
 def check(
     name: str,
     results: Sequence[EntryResult],
@@ -121,18 +93,8 @@ def check(
 ) -> tuple[EntryResult, EntryResult]:
     """Run a stored trial of a method again: the quickest, a failed one only if all are.
 
-    Args:
-        name: the method, as in `run`.
-        results: stored results of the tasks to choose from.
-        data: folder of simulated motion; what is missing is simulated first.
-        workers: processes that simulate.
-        limit: most seconds of the trial.
-
     Returns:
         The stored result and the new one.
-
-    Raises:
-        ConfigError: no trial of the method is stored.
     """
     method = find_method(name)
     stored = [
@@ -143,5 +105,5 @@ def check(
     if not stored:
         raise ConfigError(f"no trial of {name} as it is now is stored for these tasks")
     chosen = min(stored, key=lambda row: (row.status != "ok", row.provenance.seconds))
-    _prepare(chosen.about.task, data, workers, progress=True)
+    load_task(chosen.about.task, 0, data, workers=workers, progress=True)
     return chosen, run_trial(chosen.about, name, data, limit)

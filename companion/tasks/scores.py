@@ -24,6 +24,8 @@ REFERENCE = "least_squares"  # whose loss is 1
 ALONE = "novice_only"  # whose data ratio at RATIO_MINUTES is 1
 RATIO_MINUTES = 5.0
 INDEX = "robots", "task", "seed"
+#: What is measured: fields of an `EntryResult`, two words and numbers.
+MEASURED = "status", "message", "loss", "position", "heading", "seconds", "memory"
 #: The logarithms of a method without trials beside the reference's.
 NONE = pd.Series(
     dtype=float, index=pd.MultiIndex.from_arrays(3 * [[]], names=list(INDEX))
@@ -35,17 +37,17 @@ def results_frame(results: Iterable[EntryResult]) -> pd.DataFrame:
     rows = []
     for result in results:
         about, task = result.about, result.about.task
-        method = about.method + (f" ({about.code})" if about.code else "")
-        row = {"method": method, "task": task.name, "seed": about.seed}
-        row |= {"robots": task.name.rpartition(", ")[0], "minutes": task.minutes}
-        for name in ("status", "message", "loss", "position", "heading"):
-            row[name] = getattr(result, name)
-        rows.append(row | {"seconds": result.seconds, "memory": result.memory})
-    columns = ["method", "task", "seed", "robots", "minutes", "status", "message"]
-    columns += ["loss", "position", "heading", "seconds", "memory"]
+        row = {
+            "method": about.method + (f" ({about.code})" if about.code else ""),
+            "task": task.name,
+            "seed": about.seed,
+            "robots": task.name.rpartition(", ")[0],
+            "minutes": task.minutes,
+        }
+        rows.append(row | {name: getattr(result, name) for name in MEASURED})
+    columns = ["method", "task", "seed", "robots", "minutes", *MEASURED]
     frame = pd.DataFrame(rows, columns=columns)
-    numbers = ["loss", "position", "heading", "seconds", "memory"]
-    return frame.astype(dict.fromkeys(numbers, float))
+    return frame.astype(dict.fromkeys(MEASURED[2:], float))
 
 
 def log_ratios(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
@@ -82,13 +84,6 @@ def mean_ratio(
     other: str = REFERENCE,
 ) -> Interval:
     """A method's loss or error divided by another's, geometric mean over tasks.
-
-    Args:
-        frame: rows of trials, as `results_frame` returns them.
-        method: whose value is divided.
-        tasks: names of tasks.
-        value: 'loss', 'position' or 'heading'.
-        other: the method to divide by.
 
     Returns:
         The mean with its interval; NaN without results of both.
@@ -134,10 +129,6 @@ def scores_by_group(
     """Scores over groups of tasks: a row for each method, a column for each group.
 
     The best method of the first group is first, one without a score there last.
-
-    Args:
-        frame: rows of trials, as `results_frame` returns them.
-        groups: name of a group -> names of its tasks.
 
     Returns:
         Intervals; None for a method without a score on one of the group's tasks.

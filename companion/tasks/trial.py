@@ -93,16 +93,7 @@ def run_trial(
     limit: float = LIMIT,
     folder: str | Path | None = None,
 ) -> EntryResult:
-    """Run a trial in a process of its own, which is killed after `limit` seconds.
-
-    Args:
-        about: the trial.
-        method: the method's name, with its path.
-        data: folder of simulated motion.
-        limit: most seconds.
-        folder: where the trial runs: paths are relative to it, and the recordings are
-            in it; None: the working directory.
-    """
+    """Run a trial in a process of its own, which is killed after `limit` seconds."""
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "result.json"

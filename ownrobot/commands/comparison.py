@@ -68,21 +68,12 @@ def run_compare(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"{out} has a model; name another folder for the comparison")
     out.mkdir(parents=True, exist_ok=True)
     write_atomically(out / "comparison.csv", lambda file: None)  # before long work
+    names = "expert methods body expert_body folds repeats seed workers topics skip_bad"
     comparison = compare(
         arguments.drives,
-        arguments.expert,
-        arguments.methods,
-        body=arguments.body,
-        expert_body=arguments.expert_body,
         settings=parse_changes(arguments.changes),
-        folds=arguments.folds,
-        repeats=arguments.repeats,
-        seed=arguments.seed,
         folder=out,
-        workers=arguments.workers,
-        topics=arguments.topics,
-        skip_bad=arguments.skip_bad,
-        progress=True,
+        **{name: getattr(arguments, name) for name in names.split()},
     )
     print(comparison.text())
     print(comparison.verdict.sentence)

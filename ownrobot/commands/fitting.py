@@ -112,21 +112,13 @@ def run_fit(arguments: argparse.Namespace) -> int:
     """Run `ownrobot fit`: print the fitted model and its loss on held-out drives."""
     from ownrobot.fitting.fit import fit
 
+    names = (
+        "novice expert method body expert_body seed out force topics skip_bad device"
+    )
     model = fit(
-        arguments.novice,
-        arguments.expert,
-        arguments.method,
-        body=arguments.body,
-        expert_body=arguments.expert_body,
         settings=parse_changes(arguments.changes),
         test=arguments.test or TEST_SHARE,
-        seed=arguments.seed,
-        out=arguments.out,
-        force=arguments.force,
-        topics=arguments.topics,
-        skip_bad=arguments.skip_bad,
-        device=arguments.device,
-        progress=True,
+        **{name: getattr(arguments, name) for name in names.split()},
     )
     print(
         f"{arguments.out}: {model.method}, from {model.minutes:.3g} min "

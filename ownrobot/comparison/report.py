@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from ownrobot.comparison.statistics import Interval
 from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP
 from ownrobot.fitting.splits import sessions_of
 from ownrobot.replay.scene import predicted_scene
@@ -35,7 +34,11 @@ def write_report(comparison: Comparison, path: Path) -> None:
     ).substitute(
         sentence=html.escape(comparison.verdict.sentence),
         about=html.escape(_about(comparison)),
-        methods=_methods_table(comparison),
+        methods=_table(
+            comparison.intervals().assign(
+                **{"seconds of a fit": comparison.table.seconds}
+            )
+        ),
         losses=_svg("losses_figure", comparison, "losses and learning curves"),
         components=_components_table(comparison),
         horizons=_horizons(comparison),
@@ -59,18 +62,6 @@ def _about(comparison: Comparison) -> str:
         f"{minutes_of(drives):.3g} min of body '{drives[0].body.name}'; "
         f"{plan.folds} folds over sessions, {plan.repeats} repeats"
     )
-
-
-def _methods_table(comparison: Comparison) -> str:
-    table = comparison.table
-    shown = pd.DataFrame({"method": table.method})
-    for title, names in (
-        ("loss [95 %]", ("loss", "low", "high")),
-        ("ratio to the first [95 %]", ("ratio", "ratio_low", "ratio_high")),
-    ):
-        rows = table[list(names)].itertuples(index=False)
-        shown[title] = [Interval(*row).text(3) for row in rows]
-    return _table(shown.assign(**{"seconds of a fit": table.seconds}))
 
 
 def _components_table(comparison: Comparison) -> str:

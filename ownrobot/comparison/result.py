@@ -197,14 +197,20 @@ class Comparison:
 
         write_report(self, Path(path))
 
+    def intervals(self) -> pd.DataFrame:
+        """Methods, their losses and their ratios to the first, as text."""
+        shown = pd.DataFrame({"method": self.table.method})
+        for title, names in (
+            ("loss [95 %]", ["loss", "low", "high"]),
+            ("ratio to the first [95 %]", ["ratio", "ratio_low", "ratio_high"]),
+        ):
+            rows = self.table[names].itertuples(index=False)
+            shown[title] = [Interval(*row).text(3) for row in rows]
+        return shown
+
     def text(self) -> str:
         """The table for a terminal."""
-        shown = pd.DataFrame({"method": self.table.method})
-        columns = ("loss", "low", "high"), ("ratio", "ratio_low", "ratio_high")
-        titles = "loss [95 %]", "ratio to the first [95 %]"
-        for title, names in zip(titles, columns, strict=True):
-            values = self.table[list(names)].itertuples(index=False)
-            shown[title] = [Interval(*row).text(3) for row in values]
+        shown = self.intervals()
         for name in ("spread", "position", "heading", "seconds"):
             if name in self.table:
                 shown[name] = [f"{value:.2g}" for value in self.table[name]]

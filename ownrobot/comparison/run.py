@@ -32,16 +32,16 @@ from ownrobot.comparison.store import read_result, write_result
 from ownrobot.fitting.arguments import robots_from
 from ownrobot.fitting.settings import Settings, settings_with, without_effect
 from ownrobot.fitting.single import fit_drives, loss_scale, pretrained
-from ownrobot.fitting.windows import common_length
+from ownrobot.fitting.windows import common_length, ground_key
 from ownrobot.methods.registry import METHODS
 from sidm.config import ConfigError, Notice, first_line, replace, to_mapping
-from sidm.drives import Drive, Ground, SimulatedGround, minutes_of
+from sidm.drives import Drive, minutes_of
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import TrainingError
 from sidm.pool import as_completed, local_pool
 from sidm.progress import progress_bar
 from sidm.settings import Network, Training
-from sidm.storage import write_record
+from sidm.storage import checksum, write_record
 from sidm.versions import library_versions, source_digest
 
 if TYPE_CHECKING:
@@ -304,26 +304,14 @@ def _digest(task: Task) -> str:
 
 
 @functools.lru_cache(maxsize=4)
-def _digest_of(novice: tuple[Drive, ...], expert: tuple[Drive, ...]) -> str:
+def _digest_of(*robots: tuple[Drive, ...]) -> str:
     """Digest of all numbers of the drives, their ground, sessions and bodies."""
-    digest = hashlib.sha256()
-    grounds: dict[int, bytes] = {}  # drives share it
-    for drives in (novice, expert):
-        for drive in drives:
-            digest.update(f"{drive.session} {drive.body}".encode())
-            for values in (drive.states, drive.actions):
-                digest.update(np.ascontiguousarray(values).tobytes())
-            if id(drive.ground) not in grounds:
-                grounds[id(drive.ground)] = _ground_digest(drive.ground)
-            digest.update(grounds[id(drive.ground)])
-    return digest.hexdigest()
+    grounds = {id(d.ground): d.ground for drives in robots for d in drives}
+    keys = {number: ground_key(ground) for number, ground in grounds.items()}
 
+    def content(drive: Drive) -> tuple:
+        numbers = checksum(drive.states), checksum(drive.actions)
+        return drive.session, drive.body, keys[id(drive.ground)], *numbers
 
-def _ground_digest(ground: Ground | SimulatedGround | None) -> bytes:
-    if ground is None:
-        return b""
-    if isinstance(ground, SimulatedGround):
-        return ground.checksum.encode()
-    digest = hashlib.sha256(f"{ground.spacing} {ground.centre}".encode())
-    digest.update(np.ascontiguousarray(ground.heights).tobytes())
-    return digest.digest()
+    text = repr([[content(drive) for drive in drives] for drives in robots])
+    return hashlib.sha256(text.encode()).hexdigest()

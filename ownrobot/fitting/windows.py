@@ -87,18 +87,18 @@ def grounds_of(drives: Sequence[Drive]) -> np.ndarray:
     for drive in drives:
         ground = drive.ground
         if id(ground) not in keys:
-            keys[id(ground)] = _key(ground)
+            keys[id(ground)] = ground_key(ground)
         found.append(numbers.setdefault(keys[id(ground)], len(numbers)))
     return np.array(found)
 
 
-def _key(ground: AnyGround | None) -> str:
+def ground_key(ground: AnyGround | None) -> str:
     """Text that is the same for equal grounds only."""
     if ground is None:
         return ""
     if isinstance(ground, SimulatedGround):
         return f"{ground.terrain} {ground.seed}"
-    return f"{checksum(ground.heights)} {ground.spacing}"
+    return f"{checksum(ground.heights)} {ground.spacing} {ground.centre}"
 
 
 def split_by_ground(drives: Sequence[Drive], held_out: int) -> tuple[Tensor, Tensor]:

@@ -105,7 +105,7 @@ def refuse_slower(
     """
     for rate, what in ((row_rate, "rows come"), (pose_rate, "its pose is new")):
         if rate is not None and body.rate > FASTER * rate:
-            mend = f"write 'rate: {_plain_rate(rate)} Hz' in the body"
+            mend = f"write 'rate: {plain_rate(rate):.3g} Hz' in the body"
             if rate < SLOWEST:
                 mend = "is 'time' in ms? Name its unit"
             raise RecordingError(
@@ -114,10 +114,10 @@ def refuse_slower(
             )
 
 
-def _plain_rate(rate: float) -> str:
+def plain_rate(rate: float) -> float:
     """A rate, Hz, with two digits, rounded downwards where there are more."""
     digit = 10.0 ** (math.floor(math.log10(rate)) - 1)
-    return f"{math.floor(rate / digit + 0.05) * digit:.3g}"
+    return round(math.floor(rate / digit + 0.05) * digit, 9)
 
 
 def unit_quaternions(name: str, quaternions: np.ndarray) -> np.ndarray:

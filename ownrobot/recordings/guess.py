@@ -6,7 +6,6 @@ A person must check it: names do not say what a column measures.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -260,8 +259,7 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
         reason += "; is 'time' in ms?"
     if rate > RATE / 1.25:
         return RATE, f"rate: steps a second; {reason}"
-    digit = 10.0 ** (math.floor(math.log10(rate)) - 1)
-    return round(math.floor(rate / digit + 0.05) * digit, 9), f"rate: {reason}"
+    return checks.plain_rate(rate), f"rate: {reason}"
 
 
 def _tried(

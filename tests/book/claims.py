@@ -41,7 +41,13 @@ from companion.studies.uncertainty import measure as uncertainty
 from companion.studies.uncertainty import results as likelihoods
 from companion.tasks.catalogue import GROUPS
 from companion.tasks.run import records as benchmark_records
-from companion.tasks.scores import log_ratios, results_frame, scores_by_group
+from companion.tasks.scores import (
+    log_ratios,
+    pairwise,
+    results_frame,
+    score_table,
+    scores_by_group,
+)
 from ownrobot.methods.registry import METHODS as LIBRARY
 from sidm.systems import FREE_STRUTS, FREE_SYSTEMS, PAPER_SYSTEMS
 
@@ -246,6 +252,17 @@ def no_loss_beats_process(book: Book) -> bool:
         score.value < column["gp"].value and LIBRARY[name].needs_expert
         for _, column in scores.items()
         for name, score in column.dropna().items()
+    )
+
+
+def sidm_behind_squares(book: Book) -> bool:
+    """Apart after Holm's correction; the corrected network has the lowest score."""
+    pairs = pairwise(book.benchmark)
+    pair = pairs[(pairs["first"] == "least_squares") & (pairs.second == "sidm")]
+    scores = score_table(book.benchmark).set_index("method")
+    expert = scores[[LIBRARY[name].needs_expert for name in scores.index]]
+    return bool(pair.apart.all() and len(pair)) and (
+        scores.score.idxmin() == expert.score.idxmin() == "corrected"
     )
 
 
@@ -508,6 +525,16 @@ CLAIMS = [
     ),
     Claim(
         "notebooks/04-figure3.ipynb",
+        "an SIDM pays only after millions of samples",
+        early_nothing,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
+        "Until some 2 million samples, the SIDM is ahead",
+        short_saves,
+    ),
+    Claim(
+        "notebooks/04-figure3.ipynb",
         "Fine-tuning the expert's model is far ahead of both",
         finetuning_far_ahead,
     ),
@@ -519,17 +546,22 @@ CLAIMS = [
     ),
     Claim(
         "notebooks/06-rivals.ipynb",
-        "no method surely beat least squares on the novice alone",
+        "on two recorded robots no method is clearly better than least squares",
         recorded_unbeaten,
     ),
     Claim(
         "notebooks/06-rivals.ipynb",
-        "No method that learns from the expert has less",
+        "no method that learns from the expert has less loss than a Gaussian process",
         no_loss_beats_process,
     ),
     Claim(
+        "book/benchmark.md",
+        "an SIDM that stops early is behind least squares",
+        sidm_behind_squares,
+    ),
+    Claim(
         "notebooks/07-p-expert-and-phases.ipynb",
-        "on the other system neither change surely lowers the loss",
+        "On the other system neither change is seen to help",
         balance,
     ),
     Claim(
@@ -549,7 +581,13 @@ CLAIMS = [
     ),
     Claim(
         "notebooks/06-rivals.ipynb",
-        "at all four sizes on both systems, surely so",
+        "the corrected network clearly has less loss than the same network fine-tuned",
+        corrected_beats_tuned,
+    ),
+    Claim(
+        "notebooks/06-rivals.ipynb",
+        "at all four sizes on both systems, and every 95 % interval excludes no "
+        "difference",
         halved,
     ),
     Claim(

@@ -12,7 +12,7 @@ from pages import DESK, ROOT
 from places import copy_tree, one_at_a_time, shared_by_workers
 from playwright.sync_api import sync_playwright
 
-from companion import collect_datasets, load_preset
+from companion import all_datasets, collect_motion, load_preset
 from tests.companion.conftest import (  # noqa: F401
     figure3_frame,
     figure3_rows,
@@ -69,9 +69,8 @@ def motion(tmp_path_factory) -> Path:
     """The data of the smoke preset for system 1, collected once for all workers."""
     folder = shared_by_workers(tmp_path_factory) / "motion"
     with one_at_a_time(folder):
-        collect_datasets(
-            load_preset("smoke"), ["system1"], folder, workers=2, progress=False
-        )
+        needed = all_datasets(load_preset("smoke"), ["system1"])
+        collect_motion(needed, folder, workers=2, progress=False)
     return folder
 
 

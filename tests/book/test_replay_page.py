@@ -307,10 +307,12 @@ def test_without_webgl_the_film_stands_there(browser, book):
 
 
 def test_predictions_are_ghosts(visit, book):
-    page = visit((book / "book" / "predictions.html").as_uri(), "#replay[data-shown]")
+    page = visit(
+        (book / "notebooks" / "08-figure4.html").as_uri(), "#replay[data-shown]"
+    )
     assert page.evaluate(
         f"() => {VIEW}.robots.map(({{ track }}) => track.ghost > 0)"
-    ) == [False, True, True, True]
+    ) == [False, True, True]
     page.locator(".replay-choice").select_option(value="scene-warthog")
     page.wait_for_selector("#replay[data-shown=scene-warthog]")
     assert page.locator(".replay-names li").first.inner_text().startswith("the Warthog")

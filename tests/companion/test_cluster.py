@@ -15,7 +15,7 @@ from crash import SETTINGS
 
 from companion import Results, Study, load_preset
 from companion.__main__ import main
-from companion.cluster import dask_executor
+from companion.cluster import executor_at
 from companion.tasks.run import records
 from sidm.shards import digest
 from sidm.simulation import collect
@@ -101,10 +101,10 @@ def test_without_a_scheduler_or_dask_it_says_so(monkeypatch):
     with pytest.raises(
         OSError, match=r":1: no Dask scheduler answers there \([^\n]*\)$"
     ):
-        dask_executor("tcp://127.0.0.1:1").__enter__()
+        executor_at("tcp://127.0.0.1:1").__enter__()
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ImportError, match="pip install distributed"):
-        dask_executor("tcp://127.0.0.1:1").__enter__()
+        executor_at("tcp://127.0.0.1:1").__enter__()
 
 
 def test_the_benchmark_runs_on_a_cluster(cluster, tmp_path, capsys):

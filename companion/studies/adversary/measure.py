@@ -36,6 +36,12 @@ class Strength(NamedTuple):
         """The two numbers as a figure writes them."""
         return f"{self.discriminator} / {self.matching}" if self.matching else "none"
 
+    @property
+    def changes(self) -> dict[str, int]:
+        """Changes of a preset; none without the adversary."""
+        names = "discriminator_iterations", "matching_iterations"
+        return dict(zip(names, self, strict=True)) if self.matching else {}
+
 
 NONE = Strength(0, 0)  # without the adversary
 PAPER = Strength(20, 20)  # the paper has 20 matching iterations
@@ -60,7 +66,7 @@ def jobs(study: Study, system: str) -> list[Trial]:
     variants = [
         (
             "sidm" if strength.matching else "no_regularisation",
-            _with_strength(fresh, strength),
+            fresh.changed(**strength.changes),
         )
         for strength in STRENGTHS
     ] + [
@@ -72,12 +78,3 @@ def jobs(study: Study, system: str) -> list[Trial]:
         for seed in SEEDS
         for method, variant in variants
     ]
-
-
-def _with_strength(study: Study, strength: Strength) -> Study:
-    if not strength.matching:
-        return study
-    return study.changed(
-        discriminator_iterations=strength.discriminator,
-        matching_iterations=strength.matching,
-    )

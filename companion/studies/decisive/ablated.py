@@ -26,8 +26,9 @@ from sidm.plots import finish, side_by_side, styled
 
 LABELS = {
     "p_expert": "$p_e$",
-    "prediction_iterations": "prediction iterations a phase",
-    "matching_iterations": "matching iterations a phase",
+    "matching_iterations": "matching",
+    "discriminator_iterations": "discriminator",
+    "prediction_iterations": "prediction",
 }
 TICKS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0)  # of ratios
 COLUMNS = (
@@ -137,73 +138,87 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 @styled
 def figure(
     ratios: pd.DataFrame,
-    quick: pd.DataFrame | None = None,
+    quick: pd.DataFrame,
     systems: Sequence[str] = tuple(ABLATION_CAPS),
 ) -> Figure:
-    """Ratios to the recipe's own loss by one rule: a row a system, a column a setting.
+    """Ratios to the recipe's own loss, a dot for each value: a plot per system.
 
-    `quick` has the same columns for recipe Q, drawn beside them in grey: `system`,
-    `setting`, `value`, `ratio`, `low`, `high`. Its own values have the ratio 1.
+    A hollow mark stands at a recipe's own value.
+
+    Args:
+        ratios: rows of `table` of one rule.
+        quick: the same columns for recipe Q: `system`, `setting`, `value`, `ratio`,
+            `low`, `high`. Its own values have the ratio 1 and no interval.
+        systems: plots of the figure.
     """
-    figure, panels = side_by_side(len(systems) * len(LABELS), len(LABELS))
-    figure.set_size_inches(10.4, 3.2 * len(systems))
-    for number, axes in enumerate(panels):
-        row, column = divmod(number, len(LABELS))
-        system, setting = systems[row], list(LABELS)[column]
-        if column:
-            axes.sharey(panels[row * len(LABELS)])
-        values = sorted({*ABLATED[setting], OF_R[setting][system]})
-        places = {value: float(place) for place, value in enumerate(values)}
-        own = _of(ratios, system, setting)
-        other = own[:0] if quick is None else _of(quick, system, setting)
-        if len(own) or len(other):
-            at = places[OF_R[setting][system]]
-            axes.plot(at, 1.0, marker="o", color="#0072B2", label="as released (R)")
-            _draw(axes, own, places, -0.08, "#0072B2", "o", None)
-            _draw(axes, other, places, 0.12, "0.55", "s", "stopped early (Q)")
-            axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-        axes.set(yscale="log", xlabel=LABELS[setting], title=system_label(system))
-        if not column:
-            axes.set_ylabel("loss / that of the recipe")
+    own = pd.DataFrame(
+        [
+            (s, name, of[s], 1.0)
+            for s in systems
+            for name, of in OF_R.items()
+            if s in of
+        ],
+        columns=["system", "setting", "value", "ratio"],
+    )
+    released = pd.concat([ratios, own if len(ratios) else own[:0]])
+    figure, panels = side_by_side(len(systems), min(len(systems), 2))
+    for axes, system in zip(panels, systems, strict=True):
+        drawn = released[released.system == system], quick[quick.system == system]
+        places = _places(pd.concat(drawn))
+        looks = (("#0072B2", "o", "recipe R"), ("0.5", "s", "recipe Q"))
+        for shown, beside, look in zip(drawn, (-0.14, 0.14), looks, strict=True):
+            _draw(axes, shown, places, beside, *look)
+        axes.set(xscale="log", xlabel="loss / that of the recipe")
+        axes.set_title(system_label(system))
+        if places:
+            axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
         finish(axes, legend=False)
-        if axes.has_data():
-            axes.set_xticks(list(places.values()), [f"{value:g}" for value in places])
-            axes.set_xlim(-0.5, len(places) - 0.5)
-    for number, axes in enumerate(panels):
-        if axes.has_data():
-            low, high = axes.get_ylim()
+        if places:
+            texts = [f"{LABELS[name]} {round(value, 2):g}" for name, value in places]
+            axes.set_yticks([*places.values()], texts)
+            axes.set_ylim(max(places.values()) + 0.7, -0.7)
+            low, high = axes.get_xlim()
             ticks = [tick for tick in TICKS if low <= tick <= high]
-            axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-        axes.tick_params(labelleft=number % len(LABELS) == 0)
+            axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    rows = max((len(axes.get_yticks()) for axes in panels), default=0)
+    figure.set_figheight(max(3.0, 1.2 + 0.28 * rows))
     legend_below(figure, panels)
     return figure
 
 
-def _of(ratios: pd.DataFrame, system: str, setting: str) -> pd.DataFrame:
-    return ratios[(ratios.system == system) & (ratios.setting == setting)]
+def _places(shown: pd.DataFrame) -> dict[tuple[str, float], float]:
+    """Setting and value -> place from above, settings with a gap between them."""
+    places: dict[tuple[str, float], float] = {}
+    at = 0.0
+    for name in LABELS:
+        for value in sorted(set(shown[shown.setting == name].value)):
+            places[name, value] = at
+            at += 1
+        at += 0.6
+    return places
 
 
 def _draw(
     axes: Axes,
     shown: pd.DataFrame,
-    places: dict[float, float],
+    places: dict[tuple[str, float], float],
     beside: float,
     colour: str,
     marker: str,
-    label: str | None,
+    label: str,
 ) -> None:
     """Draw ratios with their intervals at the places of their values."""
-    shown = shown[shown.value.isin(list(places))]
-    if not len(shown):
-        return
-    reach = np.nan_to_num([shown.ratio - shown.low, shown.high - shown.ratio])
-    axes.errorbar(
-        shown.value.map(places) + beside,
-        shown.ratio,
-        yerr=reach,
-        color=colour,
-        linestyle="",
-        marker=marker,
-        capsize=3,
-        label=label,
-    )
+    keys = zip(shown.setting, shown.value, strict=True)
+    heights = np.array([places.get(key, np.nan) for key in keys]) + beside
+    is_own = (shown.ratio == 1).to_numpy()
+    line: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": ""}
+    changed = shown[~is_own]
+    if len(changed):
+        reach = np.nan_to_num(
+            [changed.ratio - changed.low, changed.high - changed.ratio]
+        )
+        axes.errorbar(
+            changed.ratio, heights[~is_own], xerr=reach, capsize=3, label=label, **line
+        )
+    if is_own.any():
+        axes.plot(shown.ratio[is_own], heights[is_own], mfc="white", **line)

@@ -80,7 +80,7 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure
     for axes, system in zip(panels, systems, strict=False):
         axes.set(title=system_label(system), **LOSS_BY_SIZE)
         shown = losses[losses.system == system]
-        for method in (*BESIDE, *COMPARED):
+        for method in (*COMPARED, *BESIDE):
             group = shown[shown.method == method]
             if len(group):
                 _draw(axes, method, group)
@@ -113,11 +113,11 @@ def _draw(axes: Axes, method: str, group: pd.DataFrame) -> None:
         mean_and_range(axes, by_size, **style)
         return
     style["label"] += f" ({group.recipe.iloc[0]})"
-    axes.plot(by_size.index, by_size["mean"], **style | {"lw": 1.0, "ms": 3.5})
+    thin = {"lw": 1.0, "ms": 3.5, "zorder": 1.8}
+    axes.plot(by_size.index, by_size["mean"], **style | thin)
 
 
 def _mark(axes: Axes, system: str, shown: pd.DataFrame) -> None:
-    """Mark the paper's numbers."""
     axes.axvline(SAID[system].meet, label="the paper's curves meet", **MARK)
     start = shown[(shown.method == "sidm") & (shown.novice_minutes == AT)].loss.mean()
     if pd.notna(start):

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import size_style
+from companion.figures.paths import draw_deviation
 from companion.figures.style import METHOD_STYLES, legend_below, system_label
 from companion.methods import COMPARED
-from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
@@ -55,16 +55,22 @@ def figure(
 ) -> Figure:
     """Figure 4 under recipe R, of the rows of `table`: a row per system.
 
-    Left: distance of the predicted from the actual position over time, the mean over
-    seeds with its standard error. Right: a stored drive from above, by default that of
-    `median_drive`, with the paths that the models of a seed predict.
+    One plot has the distance of the predicted from the actual position over time, the
+    mean over seeds with its standard error; the other a drive from above.
+
+    Args:
+        rows: rows of `table`.
+        drive: number of a stored drive, 0 to 2; None: that of `median_drive`.
+        seed: of the models that predict the drive.
+        systems: rows of the figure.
     """
     figure, panels = side_by_side(2 * len(systems), 2)
     for left, right, system in zip(panels[::2], panels[1::2], systems, strict=True):
         shown = rows[rows.system == system]
         left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
         left.set_title(f"{system_label(system)}: all test drives")
-        right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
+        right.set(xlabel="x (m)", ylabel="y (m)")
+        right.set_title(f"{system_label(system)}: one of them from above")
         if len(shown):
             _draw_deviations(left, shown)
             number = median_drive(shown) if drive is None else drive
@@ -77,19 +83,12 @@ def figure(
 
 def _draw_deviations(axes: Axes, shown: pd.DataFrame) -> None:
     for (method, minutes), group in shown.groupby(["method", "novice_minutes"]):
-        errors = np.array([(0.0, *error) for error in group.position_error])
-        time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
-        style = size_style(method, MINUTES.index(minutes))
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        axes.plot(time, mean, label=label, **style)
-        if len(errors) > 1:
-            error = errors.std(0, ddof=1) / len(errors) ** 0.5
-            shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
-            axes.fill_between(time, mean - error, mean + error, **shade)
+        style = size_style(method, MINUTES.index(minutes))
+        draw_deviation(axes, group, label, style)
 
 
 def _draw_drive(axes: Axes, shown: pd.DataFrame, number: int) -> None:
-    """Draw a drive's path and those that models predict."""
     for row in shown.itertuples():
         path = np.array(row.rollouts_predicted)[number, :, :2]
         axes.plot(*path.T, **size_style(row.method, MINUTES.index(row.novice_minutes)))

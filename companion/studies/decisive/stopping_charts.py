@@ -50,7 +50,6 @@ def _losses() -> Any:
 
 
 def _cursor() -> alt.Chart:
-    """The stopping point, a vertical line."""
     return (
         named("stop")
         .mark_rule(color=INK, strokeWidth=1.5, tooltip=None)

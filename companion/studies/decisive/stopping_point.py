@@ -171,7 +171,6 @@ def contents(
 
 
 def _methods(*frames: pd.DataFrame) -> Mapping[str, dict[str, Any]]:
-    """Label and colour of each method that is drawn."""
     names = dict.fromkeys(name for frame in frames for name in frame.method)
     return {
         name: {key: METHOD_STYLES[name][key] for key in ("label", "color")}

@@ -52,8 +52,9 @@ def figure(scores: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figu
             if method in SHORT:
                 style["label"] = SHORT[str(method)]
             # side by side, so that bars do not cover each other
-            minutes = group.novice_minutes * (0.96 + 0.08 * number)
-            axes.errorbar(minutes, group.arrived, reach, capsize=3, **style)
+            minutes = group.novice_minutes * (0.92 + 0.08 * number)
+            style |= {"linestyle": "", "capsize": 3}
+            axes.errorbar(minutes, group.arrived, reach, **style)
         if len(models):
             axes.set_xscale("log")
         for row in shown[shown.method == ""].itertuples():
@@ -111,6 +112,16 @@ def paths_figure(table: pd.DataFrame, system: str) -> Figure:
     return figure
 
 
+def first_film(table: pd.DataFrame, systems: Sequence[str]) -> Any:
+    """The film of the first of some systems with stored paths, as IPython's output."""
+    from IPython.display import Image, Markdown  # late: not every command has it
+
+    for system in systems:
+        if episode_paths(table, system, 0):
+            return Image(driving_film(table, system))
+    return Markdown("No trials stored.")
+
+
 def driving_film(table: pd.DataFrame, system: str) -> bytes:
     """An animated GIF of all drivers in the first episode, seen from above.
 
@@ -131,7 +142,6 @@ def _draw_paths(
     number: int,
     paths: Sequence[tuple[np.ndarray, dict[str, Any]]],
 ) -> None:
-    """Draw an episode's ground, goal and paths."""
     heights, _, goal = episode(system, number)
     draw_ground(axes, heights, heights.min(), heights.max())
     for path, style in paths:

@@ -194,7 +194,6 @@ def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
 
 
 def _episode_fields(driven: DrivenEpisode, goal: np.ndarray) -> dict[str, Any]:
-    """The fields of DrivingResult for one episode."""
     names = ("ended", "seconds", "length", "top_speed", "steepest", "surprise")
     return {name: getattr(driven, name) for name in names} | {
         "away": float(np.linalg.norm(goal)),
@@ -218,7 +217,6 @@ def _driver(
     task: Episode,
     number: int,
 ) -> Driver:
-    """The driver of episode `number`, whose start and goal are `task`."""
     if about.planning is None:
         return Driver(task.goal)
     imagination = simulator

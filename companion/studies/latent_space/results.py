@@ -114,7 +114,7 @@ def crossed_figure(
     """
     means = table(frame, tuple(CROSSED))
     sizes = sorted(means.novice_minutes.unique())
-    figure, panels = dot_plots(len(systems), len(CROSSED))
+    figure, panels = dot_plots(len(systems), len(CROSSED), height=0.6)
     for axes, system in zip(panels, systems, strict=True):
         rows = means[means.system == system].sort_values(["novice_minutes", "method"])
         for number, row in enumerate(rows.itertuples()):

@@ -195,7 +195,6 @@ def _one_size(
     expert: list[Drive] | None,
     weights: Tensor | None,
 ) -> dict[str, Any]:
-    """The fields of TransferResult for one size."""
     train_part, test_part = train_test_split(novice, sessions)
     sets = datasets(train_part, test_part, validation, expert)
     trained = _learn(about, sets, novice[0].body)
@@ -219,7 +218,6 @@ def _one_size(
 
 
 def _learn(about: Transfer, sets: Datasets, body: Body) -> Trained:
-    """The model of a method, trained on the given datasets."""
     if about.method in KINEMATICS:
         units = role_units(default_units(sets, about.network), "novice")
         return identify(sets, body, about.method, loss_weights(body, units))  # type: ignore[arg-type]

@@ -231,7 +231,6 @@ def measure(
 def _model_fields(
     minutes: float, model: Predictor, recorded: Recorded, pixels: int
 ) -> dict[str, Any]:
-    """The fields of TransferResult on a model."""
     losses = window_losses(model, recorded)
     position, heading = path_errors(model, recorded, pixels)
     return {
@@ -245,7 +244,6 @@ def _model_fields(
 
 
 def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
-    """The fields of TransferResult on a training and its seconds of processor time."""
     return {
         "samples": trained.samples,
         "best_samples": trained.best_samples,

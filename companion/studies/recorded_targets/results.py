@@ -21,20 +21,22 @@ from companion.figures.style import (
 from companion.statistics import pairs, savings
 from companion.statistics.claims import claim_rows, ratio_verdicts
 from companion.statistics.pairs import complete, pooled_comparison
-from companion.studies.recorded_targets.measure import (
-    HELD_OUT,
-    METHODS_AND_PROXIES,
-    Proxy,
-)
+from companion.studies.recorded_targets.measure import HELD_OUT, Proxy
 from companion.studies.recorded_targets.recorded import validation_grounds
+from ownrobot.comparison.statistics import Interval
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
 Way = tuple[str, Proxy]  # a method and the simulated robot that is its expert
 
 #: Ways that the figure draws; the tables have the others, too.
-SHOWN = tuple(
-    way for way in METHODS_AND_PROXIES if way[0] not in ("corrected", "least_squares")
+SHOWN: tuple[Way, ...] = (
+    ("novice_only", "none"),
+    ("sidm", "expert"),
+    ("least_squares_mirrored", "none"),
+    ("pretrain_finetune", "expert"),
+    ("corrected_averaged", "expert"),
+    ("corrected_averaged", "novice"),
 )
 PROXY_WORDS = {
     "none": "",
@@ -70,12 +72,10 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _is(table: pd.DataFrame, way: Way) -> pd.Series:
-    """Whether each row is of a way."""
     return (table.method == way[0]) & (table.proxy == way[1])
 
 
 def _recorded(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows with recorded data."""
     return table[table.novice_minutes > 0]
 
 
@@ -235,6 +235,16 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
     return claim_rows(sidm, names, "less data needed (section 6)")
 
 
+def sidm_ratios(table: pd.DataFrame, proxy: Proxy = "expert") -> dict[str, str]:
+    """System -> the loss with an SIDM by that without it, over all sizes, as text."""
+    compared = compare(table[table.method.isin(["sidm", WITHOUT[0]])], WITHOUT)
+    rows = compared[compared.proxy == proxy]
+    return {
+        row.system: Interval(row.ratio, row.low, row.high).text(2)
+        for row in rows.itertuples()
+    }
+
+
 @styled
 def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
     """Loss against minutes of recorded data, a curve per method and proxy.
@@ -269,5 +279,5 @@ def _draw(axes: Axes, table: pd.DataFrame, way: Way) -> None:
     mean_and_range(axes, losses, **style)
     without_data = rows[rows.novice_minutes == 0].loss
     if len(without_data) and proxy == "novice":
-        text = f"the same, no recorded data{PROXY_WORDS[proxy]}"
+        text = "the last, without recorded data"
         axes.axhline(without_data.mean(), **style | {"label": text, "marker": ""})

@@ -20,7 +20,7 @@ from companion.beyond.several import (
     expert_as_novice,
     fresh_novice,
     nearest_expert,
-    train_several,
+    several_trainer,
 )
 from companion.engine.datasets import digests_of
 from companion.engine.library import Library, dataset_windows
@@ -39,7 +39,7 @@ from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
-from sidm.learning.training import Trained, train
+from sidm.learning.training import Trained, learn, train
 from sidm.learning.units import Standardisation
 from sidm.shards import split_indices
 
@@ -273,9 +273,8 @@ def _train_experts(
     folder = weights_folder(data, made_from, "experts", "experts-")
     kept = checkpoint.read(folder)
     if kept is None:
-        trained = train_several(
-            experts, trial.network, trial.pretraining, trial.seed, units
-        )
+        settings = trial.network, trial.pretraining, trial.seed, units
+        trained = learn(several_trainer(experts, *settings))
         history = {"samples": trained.samples, **_test_curve(trained)}
         checkpoint.write(folder, checkpoint.module_tensors(trained.model), history)
         kept = checkpoint.read(folder)
@@ -284,7 +283,6 @@ def _train_experts(
 
 
 def _test_curve(trained: Trained) -> dict[str, tuple]:
-    """The test loss along a training, as fields of a record."""
     fields = curve(trained)
     return {name: fields[name] for name in ("curve_samples", "curve_test_loss")}
 

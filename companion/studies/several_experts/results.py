@@ -2,43 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
 
 import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.frame import of_trials
-from companion.figures.style import (
-    LOSS_LABEL,
-    METHOD_STYLES,
-    SIZE_STYLES,
-    legend_below,
-    mean_and_range,
-)
+from companion.figures.named_rows import dot_plots, name_rows
+from companion.figures.style import METHOD_STYLES, SIZE_STYLES, legend_below
 from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.pairs import pooled_comparison
 from companion.statistics.savings import with_savings, with_savings_texts
 from companion.studies.several_experts.measure import WAYS
-from sidm.plots import finish, side_by_side, styled
+from sidm.plots import finish, styled
+from sidm.systems import Robot, family_robot, find_system
 
 #: What the paper says of the loss and of the length of the training (section 6).
 PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
-#: Styles of Figure 3's methods, which have no pretrained SIDM.
-REFERENCE_STYLES: dict[str, dict[str, Any]] = {
-    "novice_only": {
-        "label": METHOD_STYLES["novice_only"]["label"],
-        "color": "#555555",
-        "linestyle": ":",
-        "marker": "",
-    },
-    "sidm": {
-        "label": "with SIDM, all at once",
-        "color": "#555555",
-        "linestyle": "-",
-        "lw": 1,
-        "marker": "",
-    },
+#: Labels of Figure 3's methods, which have no pretrained SIDM.
+REFERENCES = {
+    "novice_only": METHOD_STYLES["novice_only"]["label"],
+    "sidm": "with SIDM, all at once",
+}
+#: Ways of training the novice that the figure shows -> titles of their plots.
+SHOWN = {
+    "all": "from the nearest expert's parts",
+    "fresh_parts": "fresh encoder and decoder",
 }
 #: Labels of the two single experts.
 PAPER_EXPERT, MEMBER = "the paper's expert", "1 of the family"
@@ -120,7 +110,7 @@ def costs(joint: pd.DataFrame) -> pd.DataFrame:
 
     `joint` are results of these methods, whose parts are all trained at once.
     """
-    rows = joint[joint.method.isin(list(REFERENCE_STYLES))]
+    rows = joint[joint.method.isin(list(REFERENCES))]
     groups = rows.assign(minutes=rows.seconds / 60).groupby(
         ["method", "novice_minutes"], sort=False
     )
@@ -141,7 +131,7 @@ def page_table(rows: pd.DataFrame) -> pd.DataFrame:
     columns = ["novice (min)", "seeds", *formats]
     if "experts" in rows:
         return page[["experts", *columns]].join(with_savings_texts(rows))
-    labels = [REFERENCE_STYLES[method]["label"] for method in rows.method]
+    labels = [REFERENCES[method] for method in rows.method]
     page.insert(0, "as in Figure 3", labels)
     return page[["as in Figure 3", *columns]]
 
@@ -170,6 +160,23 @@ def experts_table(frame: pd.DataFrame) -> pd.DataFrame:
     names += ["test loss of the paper's", "of the worst"]
     names += ["nearest by size, and the loss with its parts as they are"]
     return pd.DataFrame(rows, columns=names)
+
+
+def robots_table(system: str, members: int) -> tuple[list[str], list[tuple]]:
+    """Head and rows of a table: parameters of a pair's robots and of family members.
+
+    Args:
+        system: the pair.
+        members: number of members.
+    """
+    pair = find_system(system)
+    robots = {"novice": pair.novice, PAPER_EXPERT: pair.expert}
+    robots |= {f"member {number}": family_robot(number) for number in range(members)}
+    rows = []
+    for field in dataclasses.fields(Robot):
+        values = [f"{getattr(robot, field.name):.3g}" for robot in robots.values()]
+        rows.append((f"`{field.name}`", *(f"{float(value):g}" for value in values)))
+    return ["parameter", *robots], rows
 
 
 def claims(table: pd.DataFrame, joint: pd.DataFrame) -> pd.DataFrame:
@@ -203,39 +210,32 @@ def claims(table: pd.DataFrame, joint: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def figure(table: pd.DataFrame, joint: pd.DataFrame) -> Figure:
-    """Validation loss against the novice's data, with the SIDM of one or more experts.
+    """Validation losses with the SIDM of one or more experts, a row for each.
 
-    A panel per way to train the novice, a curve per number of experts. `joint`, results
-    of Figure 3's methods on the same sizes, make curves for comparison.
+    A plot for each way of SHOWN, a dot for the mean of each size with a bar from the
+    lowest to the highest loss. `joint`, results of Figure 3's methods on the same
+    sizes, are the last rows.
     """
-    figure, panels = side_by_side(len(WAYS))
-    figure.set_size_inches(11.5, 4.2)
-    for axes, (way, title) in zip(panels, WAYS.items(), strict=True):
-        shown = table[table.way == way]
-        if len(shown) and axes is not panels[0]:
-            axes.sharey(panels[0])
-        axes.set(
-            xscale="log",
-            yscale="log",
-            xlabel="novice data (min)",
-            title=title.replace(", ", ",\n"),
-        )
-        for experts, group in shown.groupby("experts", sort=False):
-            losses = group.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
-            style = _style(str(experts), int(group.number.iloc[0]))
-            mean_and_range(axes, losses, label=experts, **style)
-        for method, style in REFERENCE_STYLES.items() if len(shown) else ():
-            groups = joint[joint.method == method].groupby("novice_minutes")
-            means = groups.validation_loss.mean()
-            axes.plot(means.index, means, **style)
-        finish(axes, shown.novice_minutes, legend=False)
-    panels[0].set_ylabel(LOSS_LABEL)
+    alike = joint.rename(columns={"validation_loss": "loss"})
+    alike = alike.assign(experts=alike.method.map(REFERENCES)).dropna(subset="experts")
+    experts = list(dict.fromkeys([*table.experts, *alike.experts]))
+    sizes = sorted(table.novice_minutes[table.number > 1].unique())
+    figure, panels = dot_plots(len(SHOWN), len(experts))
+    if len(table):
+        panels[1].sharex(panels[0])
+    for axes, (way, title) in zip(panels, SHOWN.items(), strict=True):
+        rows = pd.concat([table[table.way == way], alike]) if len(table) else table
+        for number, minutes in enumerate(sizes):
+            groups = rows[rows.novice_minutes == minutes].groupby("experts").loss
+            means = groups.agg(["mean", "min", "max"])
+            heights = [experts.index(name) for name in means.index]
+            bars = [means["mean"] - means["min"], means["max"] - means["mean"]]
+            style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
+            style |= {"label": f"{minutes:g} min", "capsize": 2, "elinewidth": 1}
+            axes.errorbar(means["mean"], heights, xerr=bars, **style)
+        axes.set(title=title, xlabel="validation loss (-)")
+        finish(axes, legend=False)
+        if len(rows):
+            name_rows(axes, experts)
     legend_below(figure, panels)
     return figure
-
-
-def _style(experts: str, number: int) -> dict[str, Any]:
-    """The style of a curve, which does not depend on what else is stored."""
-    # 1, 2, 4 and 8 experts have consecutive styles
-    index = 0 if experts == PAPER_EXPERT else number.bit_length()
-    return SIZE_STYLES[index % len(SIZE_STYLES)]

@@ -174,7 +174,6 @@ def measure(about: Fit, data: str | Path = "data") -> FitResult:
 
 
 def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
-    """The fields of FitResult on a training."""
     return {
         "samples": trained.samples,
         "best_samples": trained.best_samples,
@@ -187,7 +186,6 @@ def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
 def _calibration_fields(
     model: StochasticPredictor, about: Fit, library: Library, draws: int
 ) -> dict[str, Any]:
-    """The fields of FitResult on likelihood and coverage."""
     trial, validation = about.trial, library.motion(about.trial, "validation")
     rng = generator(trial.seed, "validation")
     step = one_step(model, validation, rng, draws)

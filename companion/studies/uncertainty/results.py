@@ -245,27 +245,29 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figur
 def coverage_figure(
     frame: pd.DataFrame, minutes: float, systems: Sequence[str] = PAPER_SYSTEMS
 ) -> Figure:
-    """Shares of actual values within the particles' intervals along rollouts."""
+    """Shares of actual values within the particles' widest intervals along rollouts.
+
+    The models have one size of novice data, in minutes.
+    """
     axis: dict[str, Any] = dict(
         xlabel="time (s)", ylabel="share of cases within the interval (-)", ylim=(0, 1)
     )
     rows = of_trials(frame)
     rows = rows[rows.novice_minutes == minutes]
+    level = max(LEVELS)
     figure, plots = system_panels(rows, systems, f"{{}}, {minutes:g} min", **axis)
     for axes, shown in plots:
         groups = shown.groupby(["method", "likelihood"], sort=False)
         for (method, likelihood), group in groups:
-            # (L, K), mean over seeds and directions
+            # (K,), mean over seeds and directions
             shares = np.mean(group.steps_coverage.tolist(), axis=(0, -1))
-            style = _style(method, bool(likelihood)) | {"marker": ""}
             time = CONTROL_STEP * (1 + np.arange(shares.shape[1]))
-            for of_level in shares:
-                axes.plot(time, of_level, **style)
-                style["label"] = None  # once in the legend
-        for level in LEVELS if len(shown) else ():
+            style = _style(method, bool(likelihood)) | {"ms": 4}
+            axes.plot(time, shares[LEVELS.index(level)], **style)
+        if len(shown):
             axes.axhline(level, color="0.5", lw=1, linestyle="-", marker="")
-            text = f"{level:.0%} intervals should hold this"
-            axes.text(2.5, level - 0.01, text, ha="right", va="top", fontsize=9)
+            text = f"{level:.0%} of cases should lie within"
+            axes.text(2.5, level + 0.01, text, ha="right", va="bottom", fontsize=10)
         finish(axes, legend=False)
     legend_below(figure, figure.axes)
     return figure

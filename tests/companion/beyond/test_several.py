@@ -10,12 +10,11 @@ from companion.beyond.several import (
     fresh_novice,
     nearest_expert,
     several_trainer,
-    train_several,
 )
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation
 from sidm.learning.evaluation import mean_loss
-from sidm.learning.training import prediction_phase
+from sidm.learning.training import learn, prediction_phase
 
 UNITS = Standardisation.none()
 
@@ -68,7 +67,8 @@ def test_one_expert_alone_is_learnt_and_the_run_repeats(
     make_motion, small_network, alone
 ):
     motion = {"expert": make_motion(8, 1)}
-    one, two = (train_several(motion, small_network, alone, 0, UNITS) for _ in range(2))
+    settings = motion, small_network, alone, 0, UNITS
+    one, two = (learn(several_trainer(*settings)) for _ in range(2))
     assert one.history == two.history
     assert one.best_test_loss < one.history[0].test_loss
 
@@ -77,7 +77,7 @@ def test_a_novice_goes_on_from_the_nearest_expert_or_with_fresh_parts(
     experts, small_network, alone, make_motion
 ):
     longer = dataclasses.replace(alone, max_samples=24 * 400)
-    model = train_several(experts, small_network, longer, 0, UNITS).model
+    model = learn(several_trainer(experts, small_network, longer, 0, UNITS)).model
     novice = make_motion(4, 9, gain=-1.0)
     role = nearest_expert(model, novice)
     assert role == "member1"

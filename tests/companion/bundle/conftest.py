@@ -16,12 +16,11 @@ from tests.sidm.learning.test_other_bodies import motion
 def make_run(small_training) -> Callable[..., Run]:
     """Function that makes a run with its own random data.
 
-    Call `make_run(seed, pair of bodies, sizes, settings)`.
+    Call `make_run(seed, sizes, settings)`.
     """
 
     def make(
         seed=0,
-        pair=(ROVER, ROVER),
         novice=6,
         tests=2,
         start=None,
@@ -29,10 +28,10 @@ def make_run(small_training) -> Callable[..., Run]:
         **changes,
     ) -> Run:
         rng = np.random.default_rng(seed)
-        parts = [motion(pair[0], count, rng, steps=6) for count in (novice, tests, 2)]
+        parts = [motion(ROVER, count, rng, steps=6) for count in (novice, tests, 2)]
         training = dataclasses.replace(small_training, **changes)
         return Run(
-            Datasets(*parts, motion(pair[1], 12, rng, steps=6)),
+            Datasets(*parts, motion(ROVER, 12, rng, steps=6)),
             training,
             seed,
             checkpoint,

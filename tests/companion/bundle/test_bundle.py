@@ -5,12 +5,13 @@ import dataclasses
 import pytest
 import torch
 
+from companion.bodies import NOVICES
 from companion.bundle import Run, train_bundle
-from companion.bundle.adam import StackedAdam
+from companion.bundle.adam import Single, StackedAdam
 from companion.bundle.bundle import Bundle
 from companion.bundle.device_data import DeviceData
-from companion.bundle.models import StackedModels
-from companion.bundle.recurrence import Recurrence, lstm
+from companion.bundle.models import lstm
+from ownrobot.methods.fine_tuning import pretrained_from
 from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.arithmetic import matmul_precision
@@ -32,15 +33,15 @@ RECIPE = dict(
 #: relative tolerance of losses, whose sums run in another order; two tests of a run
 #: always differ by more
 ROUNDING = 1e-4
+ALONE = dict(p_expert=0.0, regularise=False)
 
 
 @pytest.fixture
 def five(make_run):
     """Runs that differ in size, seed, system, method and length."""
-    alone = dict(p_expert=0.0, regularise=False)
     return [
         make_run(0),
-        make_run(1, novice=3, tests=5, **alone),
+        make_run(1, novice=3, tests=5, **ALONE),
         make_run(2, novice=9, p_expert=0.25),
         make_run(3, tests=40, max_samples=24 * 30, learning_rate=2e-3),
         make_run(4, regularise=False, max_samples=24 * 8),
@@ -90,7 +91,7 @@ def assert_same(bundled, single, rel=ROUNDING):
     "changes",
     [
         {},
-        dict(p_expert=0.0, regularise=False),
+        ALONE,
         dict(matching_optimiser="shared", decay="l2", weight_decay=0.1),
         dict(reduction="mean", system_draw="iteration"),
         dict(stopping="released", smoothing=0.9),
@@ -133,45 +134,6 @@ def test_a_bundle_of_unlike_trials_is_each_of_them(five, small_network, slots):
         assert_same(ended[number], alone(run, small_network))
         tests = [test for reporter, test in reported if reporter == number]
         assert tests == ended[number].history
-
-
-def test_low_precision(make_run, small_network):
-    """In bfloat16, too, a bundle agrees with the trial alone, within rounding."""
-    runs = [
-        make_run(0, precision="bfloat16"),
-        make_run(1, novice=9, precision="bfloat16"),
-    ]
-    for number, bundled, _ in train_bundle(runs, small_network, slots=2):
-        assert_same(bundled, alone(runs[number], small_network), rel=1e-3)
-
-
-def test_encoders_alone_are_low(make_run, small_network):
-    """Latents are rounded as those of a trial alone; tests are exact."""
-    trainer = Trainer(
-        make_run().datasets, small_network, make_run(precision="bfloat16").training, 0
-    )
-    stack = StackedModels(
-        small_network, ("novice", "expert"), 1, torch.device("cpu"), low=True
-    )
-    stack.put(
-        0,
-        {
-            f"model.{name}": weights
-            for name, weights in trainer.model.state_dict().items()
-        },
-    )
-    motion = trainer.sampler.draw("novice", 4, "novice")
-    low = stack.encode("novice", motion.inputs[None], motion.maps[None])[0]
-    exact = stack.encode("novice", motion.inputs[None], motion.maps[None], exact=True)[
-        0
-    ]
-    assert torch.allclose(
-        exact, trainer.model.encoders["novice"](motion.inputs, motion.maps), atol=1e-5
-    )
-    # rounding of four layers, each to the 8 bits of bfloat16
-    rounding = 4 * exact.abs().max().item() / 2**8
-    assert torch.allclose(low, trainer.encode("novice", motion), atol=rounding)
-    assert 1e-3 < (low - exact).abs().max() < rounding
 
 
 def test_a_loss_that_is_not_finite_ends_that_trial_alone(five, small_network):
@@ -228,20 +190,13 @@ def test_the_released_recipe_side_by_side_and_from_checkpoints(
         assert_same(bundled, expected[number])
 
 
-def test_large_convolutions_are_done_in_pieces(make_run, small_network, monkeypatch):
-    run = make_run()
-    monkeypatch.setattr("companion.bundle.models.MOST_ELEMENTS", 5000)
-    ((_, bundled, _),) = train_bundle([run], small_network, slots=1)
-    assert_same(bundled, alone(run, small_network))
-
-
 def test_a_bundle_that_the_memory_does_not_hold_is_refused_in_one_line(
     make_run, small_network, monkeypatch
 ):
     def full(self, progress):
         raise torch.OutOfMemoryError("a long report")
 
-    monkeypatch.setattr(Bundle, "timed_phase", full)
+    monkeypatch.setattr(Bundle, "phase", full)
     with pytest.raises(
         ConfigError,
         match="^the memory of cpu does not hold 2 trials side by side; "
@@ -279,7 +234,7 @@ def test_shared_data_are_on_the_device_once(make_motion):
     pool, expert = make_motion(10), make_motion(4, seed=1)
     parts = pool.subset([7, 2, 5]), pool.subset([1])
     data = DeviceData([parts[0], expert, parts[1], expert], torch.device("cpu"))
-    assert len(data.windows) == 15 and data.steps == 6
+    assert len(data.windows) == 14 and data.steps == 6
     for motion in (*parts, pool, expert):
         assert torch.equal(
             data.windows.take(data.rows(motion)).maps,
@@ -303,15 +258,6 @@ def test_the_recurrence_is_an_lstm():
     assert torch.allclose(lstm(stacked, inputs), expected)
 
 
-def test_the_gradient_of_the_recurrence():
-    torch.manual_seed(0)
-    gates, back = (
-        torch.randn(*size, dtype=torch.double, requires_grad=True)
-        for size in ((2, 5, 3, 8), (2, 8, 2))
-    )
-    assert torch.autograd.gradcheck(Recurrence.apply, (gates, back))
-
-
 @pytest.mark.parametrize("decoupled", [True, False])
 def test_stacked_adam_is_adam_of_each(decoupled):
     """Settings differ.
@@ -328,9 +274,11 @@ def test_stacked_adam_is_adam_of_each(decoupled):
         for one, r, d in zip(single, rates, decays, strict=True)
     ]
     stacked = start.clone()
-    stacked_adam = StackedAdam({"w": stacked}, decoupled)
-    for trial, (rate, decay) in enumerate(zip(rates, decays, strict=True)):
-        stacked_adam.put(trial, rate, decay, {})
+    singles = [
+        Single(kind([copy := one.detach().clone()], lr=r, weight_decay=d), {"w": copy})
+        for one, r, d in zip(single, rates, decays, strict=True)
+    ]
+    stacked_adam = StackedAdam({"w": stacked}, singles)
     for _ in range(8):
         gradient, moving = torch.randn(3, 4, 2), torch.rand(3) < 0.7
         stacked_adam.step({"w": gradient}, moving)
@@ -339,17 +287,62 @@ def test_stacked_adam_is_adam_of_each(decoupled):
                 single[trial].grad = gradient[trial]
                 adam.step()
     assert torch.allclose(stacked, torch.stack(single).detach(), rtol=1e-5)
-    taken = stacked_adam.get(0)
-    assert taken["w/step"] == adams[0].state[single[0]]["step"]
-    assert torch.allclose(
-        taken["w/exp_avg_sq"], adams[0].state[single[0]]["exp_avg_sq"], rtol=1e-5
+    stacked_adam.hand_back(0)
+    ((_, taken),) = singles[0].optimiser.state.items()
+    expected = adams[0].state[single[0]]
+    assert taken["step"] == expected["step"]
+    assert torch.allclose(taken["exp_avg_sq"], expected["exp_avg_sq"], rtol=1e-5)
+
+
+@pytest.mark.parametrize("bad", ["train", "expert"])
+def test_data_of_one_trial_do_not_reach_another(make_run, small_network, bad):
+    """This holds also where none of a system's trajectories was drawn."""
+    runs = [make_run(0), make_run(1, **ALONE), make_run(2)]
+    getattr(runs[0].datasets, bad).inputs[:] = float("nan")
+    ended = results(train_bundle(runs, small_network, 3))
+    assert isinstance(ended[0], TrainingError)
+    for number in (1, 2):
+        assert_same(ended[number], alone(runs[number], small_network))
+
+
+def test_a_killed_bundle_goes_on(make_run, small_network, tmp_path, monkeypatch):
+    """A bundle resumes from its trials' checkpoints, also with a frozen part.
+
+    They are the checkpoints of trials alone.
+    """
+    core = pretrained_from(alone(make_run(**ALONE), small_network)).core().weights
+    frozen = dict(start=core, frozen="sidm", **ALONE)
+    runs = [
+        make_run(seed, max_samples=24 * 30, checkpoint=tmp_path / str(seed), **changes)
+        for seed, changes in enumerate((frozen, {}, frozen))
+    ]
+    monkeypatch.setattr("companion.bundle.training.SAVE_INTERVAL", 0.0)
+
+    class Killed(Exception):
+        pass
+
+    def kill(number, tested):
+        if tested.samples >= 24 * 16:
+            raise Killed
+
+    with pytest.raises(Killed):
+        list(train_bundle(runs, small_network, 3, progress=kill))
+    assert Checkpoint(tmp_path / "1").restore(
+        Trainer(runs[1].datasets, small_network, runs[1].training, 1)
     )
+    assert_same(
+        alone(runs[0], small_network, checkpoint=tmp_path / "0"),
+        alone(runs[0], small_network),
+    )
+    for number, bundled, _ in train_bundle(runs[1:], small_network, 2):
+        assert_same(bundled, alone(runs[number + 1], small_network))
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
         (dict(matching="mmd"), "Training.matching='mmd' cannot be trained in a bundle"),
+        (dict(precision="bfloat16"), "Training.precision='bfloat16' cannot"),
         (dict(mirror=True), "Training.mirror=True cannot"),
         (dict(tether=1.0), "Training.tether=1.0 cannot"),
         (dict(averaging=0.5), "Training.averaging=0.5 cannot"),
@@ -360,12 +353,14 @@ def test_what_a_bundle_cannot_do_is_refused(make_run, small_network, changes, sa
         list(train_bundle([make_run(**changes)], small_network, 1))
 
 
-def test_shared_parts_are_refused(make_run, small_network):
-    with pytest.raises(
-        ConfigError, match="Network.own='biases' cannot be trained in a bundle"
-    ):
-        list(
-            train_bundle(
-                [make_run()], dataclasses.replace(small_network, own="biases"), 1
-            )
-        )
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (dict(own="biases"), "Network.own='biases' cannot be trained in a bundle"),
+        (dict(novice_body=NOVICES["no map"]), "of the body 'no map' cannot"),
+    ],
+)
+def test_networks_that_a_bundle_cannot_train(make_run, small_network, changes, said):
+    network = dataclasses.replace(small_network, **changes)
+    with pytest.raises(ConfigError, match=said):
+        list(train_bundle([make_run()], network, 1))

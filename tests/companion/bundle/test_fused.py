@@ -6,12 +6,11 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from companion.bundle import adam, fused
+from companion.bundle import fused
 from companion.bundle.bundle import Bundle
 from companion.bundle.bundled_trial import BundledTrial
-from companion.bundle.recurrence import Recurrence
+from companion.bundle.models import recurrence
 from companion.bundle.training import device_data
-from sidm.systems import ROLES
 
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 pytestmark = pytest.mark.triton
@@ -33,8 +32,8 @@ def test_the_steps_of_an_lstm(batch):
     inputs = random(2, 3, batch, 256).requires_grad_()
     recurrent = random(2, 256, 64, scale=0.1).requires_grad_()
     results = []
-    for layer in (Recurrence, fused.FusedRecurrence):
-        hidden = layer.apply(inputs, recurrent)
+    for layer in (recurrence, fused.FusedRecurrence.apply):
+        hidden = layer(inputs, recurrent)
         upwards = random(*hidden.shape)
         results.append(
             [hidden, *torch.autograd.grad(hidden, (inputs, recurrent), upwards)]
@@ -65,41 +64,15 @@ def test_the_convolutions(steps, pixels):
         assert close(gradient, reference)
 
 
-@pytest.mark.parametrize("decoupled", [True, False])
-def test_adam(decoupled, monkeypatch):
-    """Both ways take the same steps, early and late, and leave a waiting trial alone.
-
-    The gradient of a waiting trial may be anything.
-    """
-    start, moving = random(3, 5, 7), torch.tensor([True, False, True], device=DEVICE)
-    results = []
-    for by_kernels in (False, True):
-        monkeypatch.setattr(adam, "fits_kernels", lambda weights, on=by_kernels: on)
-        weights = start.clone()
-        optimiser = adam.StackedAdam({"w": weights}, decoupled)
-        for trial, (rate, taken) in enumerate([(1e-2, 0.0), (1e-2, 3.0), (0.1, 5e4)]):
-            state = {"w/step": torch.tensor(taken, device=DEVICE)}
-            optimiser.put(trial, rate, 0.1 * trial, state)
-        for step in range(4):
-            gradient = random(3, 5, 7 + step)[..., :7]
-            gradient[1] = float("nan")
-            optimiser.step({"w": gradient}, moving)
-        results.append([weights, *optimiser.states["w"]])
-    for expected, computed in zip(*results, strict=True):
-        assert close(computed, expected)
-    assert torch.equal(weights[1], start[1]) and not torch.equal(weights[0], start[0])
-
-
 @pytest.mark.more
 def test_predictions_and_gradients_of_a_bundle(make_run, small_network, monkeypatch):
     """Networks of both systems, of two trials in one batch."""
     network = dataclasses.replace(small_network, hidden=64)
     runs, device = [make_run(seed) for seed in range(2)], torch.device(DEVICE)
-    data = device_data(runs, network, ROLES, device)
-    bundle = Bundle(data, network, runs[0].training, ROLES, len(runs), device)
-    for number, run in enumerate(runs):
-        bundle.join(BundledTrial(number, run, network, data))
-    windows = data["novice"].windows.take(torch.arange(8, device=device).reshape(2, 4))
+    data = device_data(runs, device)
+    trials = [BundledTrial(*one, network, data) for one in enumerate(runs)]
+    bundle = Bundle(trials, data, device)
+    windows = data.windows.take(torch.arange(8, device=device).reshape(2, 4))
     of_expert = torch.tensor([[True, False, False, True]] * 2, device=device)
     models, results = bundle.stacked.models, []
     parameters = list(models.parameters("model").values())

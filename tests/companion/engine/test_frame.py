@@ -61,11 +61,9 @@ def test_show_writes_a_table(tmp_path, capsys, monkeypatch):
     assert "validation_loss" in pd.read_csv("mine.csv").columns
 
 
-def test_a_file_has_what_fits_in_a_cell(store, tmp_path):
-    numbers_and_words(store.frame()).to_csv(tmp_path / "a.csv")
-    back = pd.read_csv(tmp_path / "a.csv", index_col="key")
-    assert "curve_samples" not in back
-    assert back.validation_loss.sum() == store.frame().validation_loss.sum()
+def test_a_file_has_what_fits_in_a_cell(store):
+    table = numbers_and_words(store.frame())
+    assert "validation_loss" in table and "component_losses" not in table
 
 
 def test_records_are_a_table_too():

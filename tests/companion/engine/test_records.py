@@ -4,11 +4,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from companion import Study, grid, load_preset
+from companion import Study, grid
 from companion.engine.provenance import Provenance, here
 from companion.engine.records import ProvenanceTimer, Records, key_of
 from companion.numerics import NUMERICS, versions
-from companion.registry import MEASUREMENTS, NAMES, STUDIES, is_grid, overview, run
+from companion.registry import MEASUREMENTS, NAMES, STUDIES, find, is_grid
 from sidm.config import ConfigError, config
 from sidm.storage import write_record
 from tests.companion.conftest import RESULTS
@@ -127,12 +127,12 @@ def test_every_study_has_work_at_the_smallest_sizes(name, tmp_path):
         for job in STUDIES[name].module.jobs(study, pair)
     ]
     assert jobs
-    assert overview(name, study.preset, None, tmp_path, tmp_path)[1] == len(set(jobs))
+    assert STUDIES[name].overview(study, None)[1] == len(set(jobs))
 
 
 @pytest.mark.parametrize("name", [*STUDIES, *MEASUREMENTS])
 def test_nothing_that_is_stored_is_stale(name):
-    lines, _ = overview(name, load_preset("laptop"), None, "no data", RESULTS)
+    lines, _ = find(name).overview(Study("laptop", "no data", RESULTS), None)
     assert lines and all(line.endswith((": stored", "stale 0")) for line in lines), (
         lines
     )
@@ -143,12 +143,12 @@ def test_a_measurement_is_made_where_it_lacks_or_is_stale(tmp_path, monkeypatch)
     monkeypatch.setattr(
         "companion.studies.gap.make", lambda study, workers: made.append(study.results)
     )
-    asked = "gap", load_preset("smoke"), None, 1, tmp_path, tmp_path
-    assert overview("gap", asked[1], None, tmp_path, tmp_path)[1] == 1
-    assert run(*asked) == []
+    gap, study = MEASUREMENTS["gap"], Study("smoke", tmp_path, tmp_path)
+    assert gap.overview(study, None)[1] == 1
+    assert gap.run(study, None, 1) == []
     for made_by, count in (({"simulation": -1}, 2), (versions("free_struts"), 2)):
         write_record(tmp_path / "gap.json", {"numerics": made_by})
-        assert run(*asked) == [] and len(made) == count
+        assert gap.run(study, None, 1) == [] and len(made) == count
     (tmp_path / "gap.json").write_text("{")
     with pytest.raises(ConfigError, match="gap.json: damaged"):
-        run(*asked)
+        gap.run(study, None, 1)

@@ -266,12 +266,3 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     known_motion.note([strange], results)
     with pytest.raises(known_motion.OtherMotion, match="name another folder"):
         run_here(trial.replace(seed=1), data, results, progress=False)
-
-
-def test_only_what_has_its_data_here(study, trials, data, tmp_path):
-    def all_here(trial, data):
-        return all(is_here(one, data, k) for one, k in motion_of([trial]).items())
-
-    assert all(all_here(trial, data) for trial in trials)
-    assert not all_here(trials[0], tmp_path)
-    assert not all_here(study.trial("system2", "sidm", 0.25), data)

@@ -79,21 +79,6 @@ def test_rows_of_different_motion_make_no_table(trials, make_row, tmp_path):
     assert store.frame(trials).repeated.tolist() == [False, True]
 
 
-def test_missing_and_rows(trials, make_row, tmp_path):
-    """Stored and missing trials partition the trials, in their order."""
-    store = Results(tmp_path)
-    assert store.missing(trials) == trials
-    assert store.rows(trials) == []
-    assert store.get(trials[0]) is None
-    for trial in trials[1:3]:
-        store.put(make_row(trial))
-    assert [row.trial for row in store.rows(trials)] == trials[1:3]
-    assert store.missing(trials) == [trials[0], *trials[3:]]
-    assert {row.trial.key for row in store.all()} == {
-        trial.key for trial in trials[1:3]
-    }
-
-
 @pytest.mark.parametrize(
     "numerics",
     [{"training": 0}, {"simulation": NUMERICS["simulation"], "a kind that was": 1}],

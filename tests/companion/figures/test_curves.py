@@ -7,14 +7,13 @@ import pytest
 from PIL import Image
 
 from companion.engine.frame import frame_of
-from companion.figures.animation import rollout_film
+from companion.figures.animation import film
 from companion.figures.curves import (
     changed_choices,
-    efficiency_curves,
     figure3,
     learning_curves,
 )
-from companion.figures.paths import example, figure4
+from companion.figures.paths import figure4
 from companion.methods import ALL_RELEASED, RELEASED
 from companion.studies import choices
 
@@ -54,15 +53,9 @@ def test_changed_choices_stand_beside_ours(figure3_frame, power_law, laptop, mak
         assert lines[2].get_ydata() == pytest.approx(2 * lines[0].get_ydata())
 
 
-@pytest.mark.parametrize("draw", [figure3, figure4, efficiency_curves, learning_curves])
+@pytest.mark.parametrize("draw", [figure3, figure4, learning_curves])
 def test_figures_of_nothing_say_so(draw):
     assert draw(frame_of([])).axes[0].texts[0].get_text() == "no trials stored"
-
-
-def test_the_efficiency_is_exact_where_both_curves_reach(figure3_frame):
-    left = efficiency_curves(figure3_frame).axes[0]
-    exact = next(line for line in left.get_lines() if line.get_label() == "ratio")
-    assert exact.get_ydata() == pytest.approx(4)
 
 
 def test_each_trial_has_its_learning_curve(figure3_frame):
@@ -79,26 +72,14 @@ def test_figure4_draws_means_and_paths(figure3_frame, laptop):
     assert all(line.get_xdata()[-1] == pytest.approx(2.5) for line in lines)
 
 
-def test_an_example_is_held_against_all(laptop, make_row):
-    trials = laptop.points("system1", ["sidm"], (5.0,))
-    frame = frame_of(make_row(trial, 1.0) for trial in trials)
-    actual = tuple((0.1 * step, 0.0) for step in range(26))
-    ends = [(*actual[:-1], (2.5, 0.5 * (1 + seed))) for seed in frame.seed]
-    frame["example_actual"] = [actual] * len(frame)
-    frame["example_predicted"] = ends
-    mean = np.mean([errors[-1] for errors in frame.position_error])
-    assert example(frame, seed=1) == pytest.approx((2.5, 1.0, 1.0, mean))
-    assert example(frame, seed=9) is None
-
-
-def test_the_film_shows_every_step_in_real_time(figure3_frame):
+def test_the_film_shows_every_step_in_real_time():
     """The film has 26 different pictures of 0.1 s; the last one is held."""
-    film = Image.open(io.BytesIO(rollout_film(figure3_frame, np.zeros((300, 300)))))
+    paths = [np.linspace([0, 0], [2.5, end], 26) for end in (0.0, 0.5)]
+    styles = [{"color": "black", "label": "the robot"}, {"color": "red", "label": "a"}]
+    moving = Image.open(io.BytesIO(film(paths, styles, np.zeros((300, 300)))))
     times, frames = [], set()
-    for number in range(film.n_frames):
-        film.seek(number)
-        times.append(film.info["duration"])
-        frames.add(film.convert("RGB").tobytes())
+    for number in range(moving.n_frames):
+        moving.seek(number)
+        times.append(moving.info["duration"])
+        frames.add(moving.convert("RGB").tobytes())
     assert set(times[:-1]) == {100} and times[-1] > 1000 and len(frames) == 26
-    with pytest.raises(ValueError, match="no trial of seed 9"):
-        rollout_film(figure3_frame, np.zeros((300, 300)), seed=9)

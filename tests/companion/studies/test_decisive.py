@@ -395,7 +395,7 @@ def test_a_setting_is_held_against_r_seed_by_seed_at_one_cap(results):
         effect = EFFECT.get((row.setting, row.value), 1)
         assert row.ratio == pytest.approx(effect, rel=0.005)
         assert row.differs == (effect == 1.3) and row.low < row.ratio < row.high
-    assert len(ablated.figure(table[table.rule == END], table).axes) == 6
+    assert len(ablated.figure(table[table.rule == END], table).axes) == 2
     # without all settings nothing differs
     few = ablated.table(results[(results.setting == "") | (results.value == 0.9)])
     assert few.corrected.isna().all() and not few.differs.any()

@@ -14,15 +14,6 @@ from sidm.simulation import Simulator
 from tests.companion.conftest import made
 
 
-def test_episodes_are_the_same_for_all_and_differ():
-    first, repeated, second = (d.episode("system1", number) for number in (0, 0, 1))
-    assert np.array_equal(first.heights, repeated.heights)
-    assert np.array_equal(first.goal, repeated.goal)
-    assert not np.array_equal(first.heights, second.heights)
-    away = [np.linalg.norm(d.episode("system1", number).goal) for number in range(20)]
-    assert d.NEAREST <= min(away) < max(away) <= d.FARTHEST
-
-
 def test_trying_out_leaves_the_simulator_where_it_was():
     """Tried paths lead where real steps lead."""
     actions = torch.tensor([[[0.5, 0.2], [0.5, 0.2]], [[-0.3, 0.0], [0.1, 0.9]]])

@@ -1,15 +1,16 @@
 """The distance of two robots before learning: gap, overlap, and what it pays."""
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from companion import Study
 from companion.numerics import versions
 from companion.studies import gap, overlap, payoff
 from companion.studies.payoff import Group, PlanarMotion
+from companion.studies.several_experts import results as family_results
 from sidm.storage import read_record, write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from tests.companion.conftest import RESULTS
@@ -31,8 +32,7 @@ def test_components_are_told_in_the_frame_of_the_start():
 @pytest.mark.more
 def test_a_pair_is_measured_from_the_same_starts(tmp_path):
     """The result does not depend on how many starts a worker drives."""
-    with ThreadPoolExecutor(1) as executor:
-        gap.measure(executor, tmp_path, ["system1"], starts=3)
+    gap.make(Study("smoke", tmp_path, tmp_path), 1, ["system1"], starts=3)
     table = gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
     assert forward.gap[2.5] > forward.gap[0.5] > 0
@@ -72,17 +72,13 @@ def drawn():
     return draw
 
 
-def test_like_robots_cover_each_other(drawn):
-    both = overlap.neighbourhoods(drawn(2000), drawn(2000), drawn(1000))
-    expert, novice = both["expert"], both["novice"]
-    assert (
-        expert.uncovered == pytest.approx(0.05, abs=0.03) and novice.uncovered == 0.05
-    )
-    assert expert.distance == pytest.approx(novice.distance, rel=0.05)
-    assert expert.loss == pytest.approx(novice.loss, rel=0.1)
-
-
-def test_an_expert_that_was_elsewhere_covers_nothing(drawn):
+def test_like_robots_cover_each_other_and_one_that_was_elsewhere_nothing(drawn):
+    expert, novice = overlap.neighbourhoods(
+        drawn(2000), drawn(2000), drawn(1000)
+    ).values()
+    found = expert.uncovered, expert.distance, expert.loss
+    expected = (0.05, novice.distance, novice.loss)
+    assert found == pytest.approx(expected, rel=0.1, abs=0.03)
     both = overlap.neighbourhoods(drawn(500, place=9.0), drawn(500), drawn(300))
     assert both["expert"].uncovered == 1
     assert both["expert"].distance > 4 * both["novice"].distance
@@ -161,19 +157,27 @@ def test_savings_stand_beside_the_gap(tmp_path):
     alone = {1.0: 4.0, 4.0: 2.0, 16.0: 1.0}
     frame = results(novice_only=alone, pretrain_finetune={1.0: 2.0, 4.0: 1.0})
     bodies = results(novice_only=alone, sidm=alone).assign(system="no map")
-    groups = {"alike": Group(frame, 1.0), "unlike": Group(bodies, 1.0, pair="system1")}
+    unlike = Group(bodies, 1.0, pair="system1")
+    groups = {payoff.PAPER: Group(frame, 1.0), payoff.BODIES: unlike}
     table = payoff.table(gaps, payoff.saved(groups))
     rows = table.set_index(["kind", "method"])
-    assert rows.ratio["alike", "pretrain_finetune"] == pytest.approx(4, rel=0.01)
-    assert rows.ratio["unlike", "sidm"] == pytest.approx(1, rel=0.01)
+    assert rows.ratio[payoff.PAPER, "pretrain_finetune"] == pytest.approx(4, rel=0.01)
+    assert rows.ratio[payoff.BODIES, "sidm"] == pytest.approx(1, rel=0.01)
     assert (rows.gap == gaps.gap[0]).all()
-    assert all(axes.has_data() for axes in payoff.figure(table).axes)
+    left, right = payoff.figure(table).axes
+    assert (left.get_title(loc="left"), right.get_title(loc="left")) == (
+        "an SIDM",
+        "fine-tuning",
+    )
+    labels = [label.get_text() for label in left.get_yticklabels()]
+    rows = ["system 1 (gap 6.0)", "no map (gap 6.0)"]
+    assert labels[1::2] == rows and "4.0" in {t.get_text() for t in right.texts}
 
 
 def test_one_expert_of_the_family_stands_beside_training_alone():
     frame = results(novice_only={1.0: 4.0}, sidm={1.0: 3.0})
     ways = {"system": "system1", "way": "all", "seed": 0, "novice_minutes": 1.0}
-    experts = {"experts": [payoff.MEMBER_ALONE, "2 experts"], "loss": [2.0, 1.0]}
+    experts = {"experts": [family_results.MEMBER, "2 experts"], "loss": [2.0, 1.0]}
     families = payoff.family_of(frame, pd.DataFrame(experts | ways))
     assert set(families.system) == {"family"}
     tuned = families[families.method != "novice_only"]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from companion import Study, registry
-from companion.presets import load_preset
+from companion import Study
+from companion.registry import STUDIES
 from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
@@ -23,9 +23,8 @@ def test_sessions_are_never_parted():
 
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
-    smoke, folders = load_preset("smoke"), (tmp_path, tmp_path)
-    with pytest.raises(ConfigError, match="is about husky to warthog"):
-        registry.run("real-robots", smoke, "system1", 1, *folders)
+    with pytest.raises(ConfigError, match="'real-robots' is about husky to warthog"):
+        STUDIES["real-robots"].run(Study("smoke", tmp_path, tmp_path), "system1", 1)
 
 
 def test_jitter_is_found_in_a_smooth_path(rng):

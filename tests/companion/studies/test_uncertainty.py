@@ -4,12 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-import torch
 from scipy import stats
 
-from companion.engine import models
 from companion.engine.frame import records_frame
-from companion.engine.library import Library
 from companion.studies.uncertainty import measure as u
 from companion.studies.uncertainty.results import claims, coverage, table
 from tests.companion.conftest import made
@@ -18,16 +15,6 @@ from tests.companion.conftest import made
 @pytest.fixture
 def jobs(study):
     return u.jobs(study, "system1", [0.75], particles=8)
-
-
-def test_the_twins_spread_is_that_of_its_errors(jobs, data):
-    twin = models.model_of(jobs[3].trial, data)
-    sets = Library(data).datasets(jobs[3].trial)
-    test = sets.test.take(range(len(sets.test)))
-    with torch.inference_mode():
-        errors = twin("novice", test.inputs, test.maps)[0] - test.targets
-    expected = errors.square().mean((0, 1)).sqrt().clamp_min(1e-6)
-    assert torch.allclose(u.residual_spread(twin, sets), expected, rtol=1e-4)
 
 
 @pytest.fixture

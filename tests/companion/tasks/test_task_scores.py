@@ -189,20 +189,17 @@ def test_the_page_holds_every_row(tmp_path):
     assert "http://" not in page and "https://" not in page
 
 
-def test_the_figure_has_a_plot_for_each_pair_and_a_point_for_each_size():
-    sizes = ["system 1, 1 min", "system 1, 5 min", "system 2, 5 min", "recorded"]
-    scores = pd.DataFrame(None, index=["sidm", "trees"], columns=sizes, dtype=object)
-    scores.at["sidm", "system 1, 1 min"] = Interval(1.5, 1.2, 1.8)
-    scores.at["sidm", "system 1, 5 min"] = Interval(1.2, 1.1, 1.3)
-    scores.at["trees", "system 2, 5 min"] = Interval(0.9, 0.8, 1.0)
+def test_the_figure_has_a_plot_for_each_group_and_a_number_for_each_dot():
+    groups = ["held struts, 5 min", "two recorded robots"]
+    scores = pd.DataFrame(None, index=["sidm", "trees"], columns=groups, dtype=object)
+    scores.at["sidm", "held struts, 5 min"] = Interval(1.23, 1.1, 1.3)
+    scores.at["trees", "held struts, 5 min"] = Interval(0.9, 0.8, 1.0)
+    scores.at["trees", "two recorded robots"] = Interval(1.0, 0.8, 1.2)
     drawn = figure(scores, ["sidm", "trees", "gp"])
-    plots = {axes.get_title(loc="left"): axes for axes in drawn.axes}
-    assert list(plots) == ["system 1", "system 2", "recorded"]
+    assert [axes.get_title(loc="left") for axes in drawn.axes] == groups
     labels = [label.get_text() for label in drawn.axes[0].get_yticklabels()]
-    assert labels == ["boosted trees", "Gaussian process", "SIDM"]  # experts last
-    sizes = plots["system 1"].containers
-    assert [size.get_label() for size in sizes] == ["1 min", "5 min"]
-    values = [float(size.lines[0].get_xdata()[0]) for size in sizes]
-    assert values == [1.5, 1.2]
+    heads = ["novice's drives alone", "with the expert's drives"]
+    assert labels == [heads[0], "boosted trees", heads[1], "SIDM"]
+    assert [t.get_text() for t in drawn.axes[0].texts] == ["0.90", "1.2"]
     (empty,) = figure(pd.DataFrame(), ["sidm"]).axes
     assert empty.texts[0].get_text() == "no trials stored"

@@ -7,17 +7,10 @@ import pytest
 
 from ownrobot.recordings import RecordingError, RecordingWarning, read_drives
 from ownrobot.recordings.headings import yaw_fault
-from sidm.body import Body
 from sidm.config import replace
 from sidm.drives import Drive
+from tests.ownrobot.cart import CART
 
-CART = Body(
-    name="cart",
-    pose="planar",
-    columns=(("speed", "m/s"),),
-    actions=(("throttle", "1"),),
-    rate=10.0,
-)
 ROWS = 60
 TIME = 0.05 * np.arange(ROWS)
 COLUMNS = np.stack(

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from sidm.body import ROVER, Body
+from sidm.body import ROVER
 from sidm.config import replace
 from sidm.learning import Standardisation, Windows, dataset, observation, windows_of
 from sidm.learning.model import DynamicsModel
 from sidm.learning.units import loss_weights
 from sidm.shards import SHARD_SIZE, Collection, ShardError, write_shard
 from sidm.terrain import generate_terrain
+from tests.ownrobot.cart import CART
 
 COLLECTION = Collection(system="system1", role="novice")
 
@@ -126,13 +127,7 @@ def test_standardisation_is_numpys_mean_and_deviation(make_motion):
 @pytest.mark.parametrize("size, weight", [(0.0, 0), (5e-5, 0), (2e-4, 2.5e7)])
 def test_components_that_no_sensor_resolves_have_no_weight(size, weight):
     """`left` of a planar pose, m, whose sensor resolves 0.1 mm; 1/size^2 above that."""
-    body = Body(
-        name="cart",
-        pose="planar",
-        columns=(("v", "m/s"),),
-        actions=(("a", "1"),),
-    )
-    units = Standardisation.none(body)
+    units, body = Standardisation.none(CART), CART
     units.target_std[body.targets.index("left")] = size
     weights = dict(zip(body.targets, loss_weights(body, units).tolist(), strict=True))
     assert weights.pop("left") == pytest.approx(weight)
