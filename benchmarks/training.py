@@ -12,14 +12,13 @@ import contextlib
 import functools
 import multiprocessing
 import time
-from collections.abc import Callable
 from multiprocessing.pool import Pool
 
 import numpy as np
 import torch
 from released import RELEASED, ReleasedLoop
-from rounds import rate, report
-from work import operations, random_data
+from rounds import report
+from work import random_data
 
 from sidm.learning import Network, Training, convolution
 from sidm.learning.arithmetic import flushed_denormals
@@ -65,22 +64,8 @@ def two_at_once(pool: Pool, *work: object) -> float:
     return sum(pool.starmap(train, [work] * 2, chunksize=1))
 
 
-def matrix_products(size: int = 1024) -> Callable[[], int]:
-    """Function that multiplies square matrices and counts its operations."""
-    left, right = torch.randn(2, size, size)
-
-    def multiply() -> int:
-        torch.mm(left, right)
-        return 2 * size**3
-
-    return multiply
-
-
 def main() -> None:
-    """Measure workloads of the released and the laptop preset, and an upper bound.
-
-    They take turns with the stand-ins. The upper bound comes from matrix products.
-    """
+    """Measure workloads of the released and the laptop preset, and the stand-ins."""
     stand_ins = {
         f"stand-in, resampling at {side} px": ReleasedLoop(side) for side in (64, 300)
     }
@@ -121,18 +106,6 @@ def main() -> None:
         report(f"{name}: compiled / PyTorch alone", ratio, "times")
     for name in stand_ins:
         report(f"{released} / {name}", table[released] / table[name], "times")
-    torch.set_num_threads(1)
-    products = np.median(rate(matrix_products()))
-    cost = operations(trainer(64, 2, "float32"))
-    share = np.median(table[released]) / 2 * cost / products
-    print(
-        f"floor: {cost / 1e6:.1f} million operations a sample; "
-        f"at {products / 1e9:.0f} GFLOP/s of products a core"
-    )
-    print(
-        f"    at most {2 * products / cost:.0f} samples a s on two cores; "
-        f"our share of it {share:.2f} in float32"
-    )
 
 
 if __name__ == "__main__":

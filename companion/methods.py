@@ -17,6 +17,17 @@ from ownrobot.methods.registry import Method
 #: smoothing covers the same time as without these settings.
 FINER_TESTS = {"test_interval": 5, "smoothing": 0.87}
 
+
+def _changed(name: str, label: str, **changes: Any) -> Method:
+    """A method of the library with changed settings of its training."""
+    return LIBRARY[name]._replace(label=label, changes=tuple(changes.items()))
+
+
+def _aided(name: str, label: str, **aids: Any) -> Method:
+    """A pretrained method of the library with aids, which its pretraining has, too."""
+    return LIBRARY[name]._replace(label=label, all_changes=tuple(aids.items()))
+
+
 #: The methods by name.
 METHODS: dict[str, Method] = {
     # The paper's method, and its comparison on novice data alone (section 4).
@@ -24,11 +35,10 @@ METHODS: dict[str, Method] = {
     "novice_only": LIBRARY["novice_only"],
     # Pretraining on the expert; section 4 says that this cannot pretrain the SIDM.
     "pretrain_finetune": LIBRARY["pretrain_finetune"],
-    "finetune_parts": Method(
-        "pretraining + fine-tuning of encoder and decoder",
+    "finetune_parts": _changed(
         "pretrain_finetune",
-        pretrained=True,
-        changes=(("frozen", "sidm"),),
+        "pretraining + fine-tuning of encoder and decoder",
+        frozen="sidm",
     ),
     "expert_only": LIBRARY["expert_only"],
     "residual": Method(
@@ -41,33 +51,16 @@ METHODS: dict[str, Method] = {
     "least_squares": LIBRARY["least_squares"],
     # The SIDM without its adversary, and with other ways to match the latents.
     "no_regularisation": LIBRARY["no_regularisation"],
-    "strong_matching": Method(
+    "strong_matching": _changed(
+        "sidm",
         "SIDM, stronger matching",
-        "sidm",
-        expert=True,
-        regularise=True,
-        changes=(("discriminator_iterations", 5), ("matching_iterations", 100)),
+        discriminator_iterations=5,
+        matching_iterations=100,
     ),
-    "mmd": Method(
-        "SIDM, MMD",
-        "sidm",
-        expert=True,
-        regularise=True,
-        changes=(("matching", "mmd"),),
-    ),
-    "coral": Method(
-        "SIDM, CORAL",
-        "sidm",
-        expert=True,
-        regularise=True,
-        changes=(("matching", "coral"),),
-    ),
-    "gradient_reversal": Method(
-        "SIDM, gradient reversal",
-        "sidm",
-        expert=True,
-        regularise=True,
-        changes=(("matching", "reversal"),),
+    "mmd": _changed("sidm", "SIDM, MMD", matching="mmd"),
+    "coral": _changed("sidm", "SIDM, CORAL", matching="coral"),
+    "gradient_reversal": _changed(
+        "sidm", "SIDM, gradient reversal", matching="reversal"
     ),
     # One network for both systems.
     "pooled": Method("joint training (one network)", "sidm", expert=True, own="none"),
@@ -88,60 +81,38 @@ METHODS: dict[str, Method] = {
         pretrained=True,
         own="biases",
     ),
-    "tethered": Method(
-        "pretraining + fine-tuning, tethered (L2-SP)",
-        "pretrain_finetune",
-        pretrained=True,
-        changes=(("tether", 100.0),),
+    "tethered": _changed(
+        "pretrain_finetune", "pretraining + fine-tuning, tethered (L2-SP)", tether=100.0
     ),
-    "averaged": Method(
-        "pretraining + fine-tuning, averaged",
-        "pretrain_finetune",
-        pretrained=True,
-        all_changes=(("averaging", 0.99),),
+    "averaged": _aided(
+        "pretrain_finetune", "pretraining + fine-tuning, averaged", averaging=0.99
     ),
-    "mirrored": Method(
-        "pretraining + fine-tuning, mirrored",
-        "pretrain_finetune",
-        pretrained=True,
-        all_changes=(("mirror", True),),
+    "mirrored": _aided(
+        "pretrain_finetune", "pretraining + fine-tuning, mirrored", mirror=True
     ),
-    "mirrored_averaged": Method(
+    "mirrored_averaged": _aided(
+        "pretrain_finetune",
         "pretraining + fine-tuning, mirrored and averaged",
-        "pretrain_finetune",
-        pretrained=True,
-        all_changes=(("mirror", True), ("averaging", 0.99)),
+        mirror=True,
+        averaging=0.99,
     ),
     "corrected": LIBRARY["corrected"],
-    "corrected_mirrored": Method(
-        "pretraining + least squares, mirrored",
-        "",
-        pretrained=True,
-        residual=True,
-        fit="least_squares",
-        all_changes=(("mirror", True),),
+    "corrected_mirrored": _aided(
+        "corrected", "pretraining + least squares, mirrored", mirror=True
     ),
-    "corrected_averaged": Method(
+    "corrected_averaged": _aided(
+        "corrected",
         "pretraining + least squares, mirrored and averaged",
-        "",
-        pretrained=True,
-        residual=True,
-        fit="least_squares",
-        all_changes=(("mirror", True), ("averaging", 0.99)),
+        mirror=True,
+        averaging=0.99,
     ),
     # Mirror images for methods without pretraining.
-    "sidm_mirrored": Method(
-        "with SIDM, mirrored",
-        "sidm",
-        expert=True,
-        regularise=True,
-        changes=(("mirror", True),),
+    "sidm_mirrored": _changed("sidm", "with SIDM, mirrored", mirror=True),
+    "novice_only_mirrored": _changed(
+        "novice_only", "without SIDM, mirrored", mirror=True
     ),
-    "novice_only_mirrored": Method(
-        "without SIDM, mirrored", "novice_only", changes=(("mirror", True),)
-    ),
-    "least_squares_mirrored": Method(
-        "least squares, mirrored", "", fit="least_squares", changes=(("mirror", True),)
+    "least_squares_mirrored": _changed(
+        "least_squares", "least squares, mirrored", mirror=True
     ),
     # Pretraining of the shared part alone, for two robots whose bodies differ.
     "core_finetune": LIBRARY["core_finetune"],
