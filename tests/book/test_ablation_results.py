@@ -83,7 +83,7 @@ def test_ratios_are_to_figure_3s_value_seed_by_seed(study, make_row):
         value = trial.training.matching_iterations if regularised else 0
         store.put(make_row(trial, losses[value]))
     assert shown.ratio("matching_iterations", "system1", 20).startswith("0.50 ")
-    assert shown.ratio("matching_iterations", "system1", 0).startswith("1.50")
+    assert shown.ratio("matching_iterations", "system1", 0).startswith("1.5 ")
     ((_, table),) = shown.page_tables()
     assert table.value.tolist() == ["0", "5", "20"]
     assert table.iloc[:, -1].str[:5].tolist() == ["1.50 ", "-", "0.500"]
