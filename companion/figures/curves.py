@@ -22,7 +22,7 @@ from companion.figures.style import (
     mean_and_range,
     system_panels,
 )
-from companion.methods import COMPARED, FIGURE3
+from companion.methods import FIGURE3
 from companion.statistics.efficiency import efficiency, isotonic_fit
 from companion.statistics.pairs import complete, unique_results
 from companion.statistics.savings import efficiency_band
@@ -62,12 +62,7 @@ def figure3(
 
 
 def _curves(
-    axes: Axes,
-    frame: pd.DataFrame,
-    system: str,
-    methods: Sequence[str],
-    words: str = "",
-    **other: Any,
+    axes: Axes, frame: pd.DataFrame, system: str, methods: Sequence[str]
 ) -> set[float]:
     """Draw the curves of Figure 3 for some methods.
 
@@ -76,8 +71,6 @@ def _curves(
         frame: results.
         system: of these results.
         methods: of these results.
-        words: added to the labels.
-        other: styles that replace those of METHOD_STYLES.
 
     Returns:
         The sizes of the novice data, min.
@@ -86,39 +79,12 @@ def _curves(
     for method in methods:
         rows = unique_results(frame, system, [method])
         if len(rows):
-            style = METHOD_STYLES[method] | other
-            seeds = ", one seed" if words and rows.seed.nunique() == 1 else ""
             minutes = rows.novice_minutes.astype(float)
             by_size = rows.validation_loss.astype(float).groupby(minutes)
             losses = by_size.agg(["mean", "min", "max"])
-            label = style["label"] + words + seeds
-            mean_and_range(axes, losses, **style | {"label": label})
+            mean_and_range(axes, losses, **METHOD_STYLES[method])
             drawn |= set(losses.index)
     return drawn
-
-
-@styled
-def changed_choices(
-    frame: pd.DataFrame,
-    changed: pd.DataFrame,
-    words: str,
-    systems: Sequence[str] = PAPER_SYSTEMS,
-) -> Figure:
-    """Figure 3's curves of the paper's methods, with and without a changed choice.
-
-    Args:
-        frame: results of Figure 3.
-        changed: results with the choice changed, drawn with hollow marks.
-        words: added to the labels of the changed curves.
-        systems: one plot each.
-    """
-    figure, plots = system_panels(frame, systems, **LOSS_BY_SIZE)
-    hollow: dict[str, Any] = {"mfc": "white", "linewidth": 1}
-    for system, (axes, rows) in zip(systems, plots, strict=True):
-        sizes = _curves(axes, rows, system, COMPARED)
-        sizes |= _curves(axes, changed, system, COMPARED, f", {words}", **hollow)
-        finish(axes, sizes)
-    return figure
 
 
 @styled
