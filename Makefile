@@ -68,7 +68,7 @@ notebooks: $(STAMP)
 	$(BIN)/python -m companion notebook all --in-place
 
 explore: $(STAMP)
-	$(BIN)/python -m companion.explorer.serve notebooks/22-explorer.ipynb $(VOILA)
+	$(BIN)/python -m companion.explorer.serve notebooks/17-explorer.ipynb $(VOILA)
 
 # What every change needs: the packages, every notebook with its own parameters (nbval), the book built with warnings as
 # errors, three of its pages in a browser. One call of pytest, so that one exit status and one closing line speak for

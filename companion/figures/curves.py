@@ -20,7 +20,7 @@ from companion.figures.style import (
     mean_and_range,
     system_panels,
 )
-from companion.methods import COMPARED, FIGURE3
+from companion.methods import FIGURE3
 from companion.statistics.pairs import unique_results
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
@@ -58,50 +58,19 @@ def figure3(
 
 
 def _curves(
-    axes: Axes,
-    frame: pd.DataFrame,
-    system: str,
-    methods: Sequence[str],
-    words: str = "",
-    **other: Any,
+    axes: Axes, frame: pd.DataFrame, system: str, methods: Sequence[str]
 ) -> set[float]:
-    """Draw the curves of Figure 3 for some methods, and return their sizes, min.
-
-    `words` are added to the labels; `other` styles replace those of METHOD_STYLES.
-    """
+    """Draw the curves of Figure 3 for some methods, and return their sizes, min."""
     drawn: set[float] = set()
     for method in methods:
         rows = unique_results(frame, system, [method])
         if len(rows):
-            style = METHOD_STYLES[method] | other
-            seeds = ", one seed" if words and rows.seed.nunique() == 1 else ""
             minutes = rows.novice_minutes.astype(float)
             by_size = rows.validation_loss.astype(float).groupby(minutes)
             losses = by_size.agg(["mean", "min", "max"])
-            label = style["label"] + words + seeds
-            mean_and_range(axes, losses, **style | {"label": label})
+            mean_and_range(axes, losses, **METHOD_STYLES[method])
             drawn |= set(losses.index)
     return drawn
-
-
-@styled
-def changed_choices(
-    frame: pd.DataFrame,
-    changed: pd.DataFrame,
-    words: str,
-    systems: Sequence[str] = PAPER_SYSTEMS,
-) -> Figure:
-    """Figure 3's curves of the paper's methods, with and without a changed choice.
-
-    The changed ones have hollow marks, and `words` in their labels.
-    """
-    figure, plots = system_panels(frame, systems, **LOSS_BY_SIZE)
-    hollow: dict[str, Any] = {"mfc": "white", "linewidth": 1}
-    for system, (axes, rows) in zip(systems, plots, strict=True):
-        sizes = _curves(axes, rows, system, COMPARED)
-        sizes |= _curves(axes, changed, system, COMPARED, f", {words}", **hollow)
-        finish(axes, sizes)
-    return figure
 
 
 def by_method_and_size(

@@ -539,18 +539,18 @@ CLAIMS = [
         finetuning_far_ahead,
     ),
     Claim(
-        "notebooks/06-rivals.ipynb",
+        "notebooks/07-rivals.ipynb",
         "Pretraining and fine-tuning has a loss lower than the SIDM's by a fifth to "
         "two fifths",
         joint_training,
     ),
     Claim(
-        "notebooks/06-rivals.ipynb",
+        "notebooks/07-rivals.ipynb",
         "on two recorded robots no method is clearly better than least squares",
         recorded_unbeaten,
     ),
     Claim(
-        "notebooks/06-rivals.ipynb",
+        "notebooks/07-rivals.ipynb",
         "no method that learns from the expert has less loss than a Gaussian process",
         no_loss_beats_process,
     ),
@@ -560,69 +560,69 @@ CLAIMS = [
         sidm_behind_squares,
     ),
     Claim(
-        "notebooks/07-p-expert-and-phases.ipynb",
+        "notebooks/05-p-expert-and-phases.ipynb",
         "on the other system neither change is seen to help",
         balance,
     ),
     Claim(
-        "notebooks/08-figure4.ipynb",
+        "notebooks/06-figure4.ipynb",
         "more data and fine-tuning bring paths nearer; an SIDM is not seen to",
         short_paths,
     ),
     Claim(
-        "notebooks/11-latent-space.ipynb",
+        "notebooks/09-latent-space.ipynb",
         "13 of 18 intervals confirm it",
         planar_components,
     ),
     Claim(
-        "notebooks/11-latent-space.ipynb",
+        "notebooks/09-latent-space.ipynb",
         "are not system invariant",
         not_invariant,
     ),
     Claim(
-        "notebooks/06-rivals.ipynb",
+        "notebooks/07-rivals.ipynb",
         "the corrected network clearly has less loss than the same network fine-tuned",
         corrected_beats_tuned,
     ),
     Claim(
-        "notebooks/06-rivals.ipynb",
+        "notebooks/07-rivals.ipynb",
         "at all four sizes on both systems, and every 95 % interval excludes no "
         "difference",
         halved,
     ),
     Claim(
-        "notebooks/06-rivals.ipynb",
+        "notebooks/07-rivals.ipynb",
         "it does not always get by with half the data",
         claim_fails,
     ),
     Claim(
-        "notebooks/13-driving.ipynb",
+        "notebooks/12-driving.ipynb",
         "No planner with a learned model does better than the driver that steers "
         "straight",
         straight_driver,
     ),
     Claim(
-        "notebooks/14-uncertainty.ipynb",
+        "notebooks/13-uncertainty.ipynb",
         "One step ahead, yes; along a path, no.",
         knows_one_step,
     ),
     Claim(
-        "notebooks/15-several-experts.ipynb",
+        "notebooks/14-several-experts.ipynb",
         "With 8 experts the 95 % interval of the ratio lies above 1 at every size",
         more_experts_worse,
     ),
     Claim(
-        "notebooks/16-recorded-robot.ipynb",
+        "notebooks/11-recorded-robot.ipynb",
         "hardly changes the loss",
         recordings_replaced,
     ),
     Claim(
-        "notebooks/18-choices.ipynb",
+        "notebooks/10-choices.ipynb",
         "Of 14 comparisons on five minutes of system 1's data three show a difference",
         three_of_fourteen,
     ),
     Claim(
-        "notebooks/18-choices.ipynb",
+        "notebooks/10-choices.ipynb",
         "Three changes help in all four comparisons",
         three_changes,
     ),

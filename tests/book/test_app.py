@@ -12,7 +12,7 @@ from pages import DESK, ROOT
 
 pytestmark = pytest.mark.more
 
-APP = "notebooks/22-explorer.ipynb"
+APP = "notebooks/17-explorer.ipynb"
 SERVER = "companion.explorer.serve"
 PICTURE = "img[alt^='Height of the body']"
 

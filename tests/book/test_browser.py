@@ -149,7 +149,7 @@ def weight(file: Path) -> int:
 
 @pytest.mark.more
 def test_plots_are_stacked_on_a_phone(visit):
-    page = visit("notebooks/06-rivals", PHONE)
+    page = visit("notebooks/07-rivals", PHONE)
     picture, parts = (
         page.locator(f"img:has(+ .stacked){end}").first for end in ("", " + .stacked")
     )

@@ -21,7 +21,7 @@ SMALLER = {
 @pytest.mark.more
 def test_the_python_runs(tmp_path, monkeypatch, capsys):
     """Blocks run in the page's order: later ones use names of earlier ones."""
-    text = source("notebooks/20-own-robot")
+    text = source("notebooks/16-own-robot")
     code = "\n".join(BLOCK.findall(text))
     for words, smaller in SMALLER.items():
         code, count = re.subn(words, smaller, code)

@@ -308,7 +308,7 @@ def test_without_webgl_the_film_stands_there(browser, book):
 
 def test_predictions_are_ghosts(visit, book):
     page = visit(
-        (book / "notebooks" / "08-figure4.html").as_uri(), "#replay[data-shown]"
+        (book / "notebooks" / "06-figure4.html").as_uri(), "#replay[data-shown]"
     )
     assert page.evaluate(
         f"() => {VIEW}.robots.map(({{ track }}) => track.ghost > 0)"

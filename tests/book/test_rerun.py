@@ -10,7 +10,7 @@ from pages import ROOT, source
 
 pytestmark = pytest.mark.more
 
-PAGE = "notebooks/21-run-again"
+PAGE = "notebooks/15-run-again"
 BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

@@ -9,13 +9,10 @@ from PIL import Image
 from companion.engine.frame import frame_of
 from companion.figures.animation import film
 from companion.figures.curves import (
-    changed_choices,
     figure3,
     learning_curves,
 )
 from companion.figures.paths import figure4
-from companion.methods import ALL_RELEASED, RELEASED
-from companion.studies import choices
 
 
 def test_figure3_draws_the_means_and_more_than_colour_tells_methods_apart(
@@ -36,21 +33,6 @@ def test_the_experts_model_alone_is_a_level(figure3_rows, laptop, make_row):
     left, right = figure3(frame_of([*figure3_rows, *alone])).axes
     assert left.get_lines()[-1].get_ydata() == pytest.approx([3, 3])
     assert (len(left.get_lines()), len(right.get_lines())) == (4, 3)
-
-
-def test_changed_choices_stand_beside_ours(figure3_frame, power_law, laptop, make_row):
-    changed = frame_of(
-        make_row(t, 2 * power_law(t))
-        for system in ("system1", "system2")
-        for t in choices.changed(laptop, system, RELEASED)[ALL_RELEASED]
-    )
-    for axes in changed_choices(figure3_frame, changed, "as released").axes:
-        lines = axes.get_lines()
-        labels = [line.get_label() for line in lines]
-        assert labels[2:] == [f"{label}, as released" for label in labels[:2]]
-        hollow = [line.get_markerfacecolor() == "white" for line in lines]
-        assert hollow == [False, False, True, True]
-        assert lines[2].get_ydata() == pytest.approx(2 * lines[0].get_ydata())
 
 
 @pytest.mark.parametrize("draw", [figure3, figure4, learning_curves])

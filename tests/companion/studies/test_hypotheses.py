@@ -8,6 +8,7 @@ import pytest
 from companion import Results, Study, load_preset
 from companion import grid as figure
 from companion.engine.frame import frame_of
+from companion.statistics.claims import BETTER, WORSE
 from companion.studies import corrected_claim as claim
 from companion.studies import hypotheses as h
 
@@ -45,6 +46,24 @@ def test_changes_have_verdicts_and_are_ranked_by_what_they_gain(make_row, tmp_pa
     ranking = h.ranking(table)
     assert ranking.change.tolist() == [c for c in rows.index if c != "SIDM, CORAL"]
     assert ranking.better.tolist() == [1, 0, 0] and ranking.worse.tolist() == [0, 0, 1]
+
+
+def test_a_dot_is_filled_where_the_interval_excludes_one():
+    """A change with one comparison has no row."""
+    names = ["one", "one", "other", "other", "single"]
+    table = pd.DataFrame({"hypothesis": "", "change": names, "system": "system1"})
+    verdicts = [BETTER, "no difference seen", WORSE, WORSE, BETTER]
+    table = table.assign(ratio=[0.5, 0.9, 1.5, 1.6, 0.1], verdict=verdicts)
+    (axes,) = h.figure(table).axes
+    dots = {
+        line.get_markerfacecolor() == "white": list(
+            zip(line.get_xdata(), line.get_ydata(), strict=True)
+        )
+        for line in axes.get_lines()
+        if line.get_marker() == "o"
+    }
+    assert dots == {False: [(0.5, 0), (1.5, 1), (1.6, 1)], True: [(0.9, 0)]}
+    assert [text.get_text() for text in axes.texts[:2]] == ["one", "other"]
 
 
 def test_every_change_is_another_trial_and_its_figure_has_it():
