@@ -1,7 +1,7 @@
 """The verdicts of the decisive experiment, by rules written before its trainings.
 
 The page on claims has the rules. Methods are compared seed by seed; data ratios are
-those of `statistics.data_ratio`.
+those of `statistics.efficiency.data_ratio`.
 """
 
 from __future__ import annotations
