@@ -78,8 +78,8 @@ def _draw(axes: Axes, rows: pd.DataFrame, lines: Sequence[tuple[str, str]]) -> N
     axes.scatter(rows.value, heights, c=colours, s=38, zorder=3)
     for height, value in zip(heights, rows.value, strict=True):
         text = f"{value:#.2g}".rstrip(".")
-        place = {"transform": axes.get_yaxis_transform(), "va": "center"}
-        axes.text(1.02, height, text, fontsize=10, **place)
+        place = axes.get_yaxis_transform()
+        axes.text(1.02, height, text, fontsize=10, va="center", transform=place)
 
 
 def _name_rows(axes: Axes, lines: Sequence[tuple[str, str]]) -> None:

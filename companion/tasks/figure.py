@@ -24,8 +24,16 @@ from ownrobot.methods.registry import METHODS
 
 TICKS = 0.6, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0
 #: Methods of the figure, in the order of its rows.
-SHOWN = ("gp", "trees", "novice_only", "corrected", "trees_corrected")
-SHOWN += ("least_squares_corrected", "pretrain_finetune", "sidm")
+SHOWN: tuple[str, ...] = (
+    "gp",
+    "trees",
+    "novice_only",
+    "corrected",
+    "trees_corrected",
+    "least_squares_corrected",
+    "pretrain_finetune",
+    "sidm",
+)
 #: Names of rows below the headings.
 ROWS = {
     "novice_only": "recurrent network",
