@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -77,11 +76,10 @@ def _draw(axes: Axes, rows: pd.DataFrame, lines: Sequence[tuple[str, str]]) -> N
     ]
     axes.hlines(heights, rows.low, rows.high, colors=colours, linewidth=1.6)
     axes.scatter(rows.value, heights, c=colours, s=38, zorder=3)
-    across = axes.get_yaxis_transform()
     for height, value in zip(heights, rows.value, strict=True):
         text = f"{value:#.2g}".rstrip(".")
-        place: dict[str, Any] = {"transform": across, "va": "center"}
-        axes.text(1.02, height, text, fontsize=10, **place)
+        place = axes.get_yaxis_transform()
+        axes.text(1.02, height, text, fontsize=10, va="center", transform=place)
 
 
 def _name_rows(axes: Axes, lines: Sequence[tuple[str, str]]) -> None:

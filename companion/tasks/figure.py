@@ -24,7 +24,7 @@ from ownrobot.methods.registry import METHODS
 
 TICKS = 0.6, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0
 #: Methods of the figure, in the order of its rows.
-SHOWN = (
+SHOWN: tuple[str, ...] = (
     "gp",
     "trees",
     "novice_only",
