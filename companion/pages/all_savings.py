@@ -9,9 +9,12 @@ import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from companion.engine.store import Results
+from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
 from companion.methods import FOR_LITTLE
 from companion.statistics import savings
@@ -19,21 +22,30 @@ from companion.statistics.efficiency import NO_VALUE
 from companion.statistics.stopping_rules import RULES
 from companion.studies import tuning
 from companion.studies.decisive import verdicts
+from companion.studies.decisive.figures import RECIPE_LABELS
 from companion.studies.decisive.recipes import on_fresh_motion
 from companion.study import Study
 from sidm.systems import FREE_STRUTS, PAPER_SYSTEMS
 
 #: Chosen after the results: both losses of an SIDM are alike.
-MIXED = "SIDM as released, rival at its best (chosen afterwards)"
+MIXED = "SIDM as released (R), rival tuned (T), chosen afterwards"
 PRESET = "study"  # whose results the book shows
+WORDS = (
+    "Labelled dots with 95 % intervals, one plot for each pair of robots: how many "
+    "times less data an SIDM with five minutes needs, as the paper says, and here by "
+    "three recipes and their stopping rules. Most dots lie between 1 and the paper's."
+)
+#: Recipe and stopping rule of the figure's rows.
+DRAWN = (("R", verdicts.RELEASED), ("R", verdicts.END), ("T", verdicts.END))
 SIZES = (1.0, 5.0, 20.0)  # min of novice data
 #: Recipes of the SIDM and of its rival in the decisive experiment, and stopping rules
 #: -> settings in words.
 SETTINGS = {
-    ("R", "R", tuple(RULES)): "as released",
-    ("T", "T", tuple(RULES)): "each at its best",
+    ("R", "R", tuple(RULES)): RECIPE_LABELS["R"],
+    ("T", "T", tuple(RULES)): RECIPE_LABELS["T"],
     ("R", "T", (verdicts.END,)): MIXED,
 }
+QUICK = RECIPE_LABELS["Q"]
 OWN = "patience"  # stopping rule
 COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
@@ -57,12 +69,15 @@ def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataF
     figure3 = store.frame(
         [t for system in PAPER_SYSTEMS for t in study.figure3(system)]
     )
-    yield "Figure 3", savings.savings(figure3)
+    yield QUICK, savings.savings(figure3)
     little = tuning.little_data_results(study, store, PAPER_SYSTEMS)
     both = pd.concat([little, tuning.best_novice_only(figure3, little)])
-    yield "tuned for little data", savings.savings(both, ["sidm" + FOR_LITTLE])
+    yield (
+        f"{QUICK}, tuned for little data",
+        savings.savings(both, ["sidm" + FOR_LITTLE]),
+    )
     free = [t for s in PAPER_SYSTEMS for t in study.free_struts(s + FREE_STRUTS)]
-    yield "Figure 3", savings.savings(store.frame(free))
+    yield QUICK, savings.savings(store.frame(free))
 
 
 def _texts(ratios: pd.DataFrame) -> Iterator[tuple[str, dict[float, str]]]:
@@ -92,3 +107,25 @@ def _decisive(study: Study, store: Results) -> Iterator[dict[str, str]]:
             if set(texts.values()) != {NO_VALUE}:
                 about = {"Settings": settings, "Stopped by": rule}
                 yield about | {"Expert (h)": hours} | _pair_and_sizes(system, texts)
+
+
+def figure(decisive: pd.DataFrame, quick: pd.DataFrame) -> Figure:
+    """Data ratios of an SIDM with five minutes beside the paper's, as labelled dots.
+
+    `decisive` has rows of `verdicts.results`, `quick` those of `savings.savings`.
+    """
+    rows = []
+    sidm = quick[(quick.method == "sidm") & (quick.novice_minutes == verdicts.AT)]
+    for system, paper in verdicts.PAPER.items():
+        found = [("the paper", paper, np.nan, np.nan)]
+        for recipe, rule in DRAWN:
+            ratio = verdicts.sidm_saving(decisive, recipe, system, rule, verdicts.AT)
+            name = f"{RECIPE_LABELS[recipe]}, rule: {rule}"
+            found.append((name, ratio.value, ratio.low, ratio.high))
+        own = sidm[(sidm.system == system) & (sidm.bound == "=")]
+        ends = own[["ratio", "low", "high"]].itertuples(index=False)
+        found += [(f"{QUICK}, rule: {OWN}", *values) for values in ends]
+        rows += [(system_label(system), "", "sidm", *line) for line in found]
+    names = ["panel", "group", "method", "row", "value", "low", "high"]
+    dots = pd.DataFrame(rows, columns=names).dropna(subset="value")
+    return dot_plot(dots, "data saved with five minutes (times)")

@@ -10,6 +10,7 @@ import pandas as pd
 from IPython.display import HTML
 
 from companion.engine.store import Results
+from companion.figures.style import html_picture
 from companion.methods import FIGURE3, FOR_LITTLE
 from companion.pages import all_savings, decisive_numbers, readings
 from companion.pages.markdown import known_text, provenance_html, table_html
@@ -169,6 +170,9 @@ class Figure3:
         yield from self._quick_numbers()
         yield "claims", table(claims.page_table(found), compared, quick)
         yield "readings", table(readings.page_table(read), both, *every)
+        yield "nearest", table(readings.nearest_table(read), both, *every)
+        drawn_dots = all_savings.figure(self.long_trained, self.saved)
+        yield "saving-dots", HTML(html_picture(drawn_dots, all_savings.WORDS))
         others = page.again("little-data"), page.again("free-struts")
         yield "all-savings", table(saved, drawn, quick, *others, long)
         yield "coverage", HTML(table_html(coverage.page_table()))

@@ -46,7 +46,7 @@ class Stored(NamedTuple):
 
 
 #: Verdict on the SIDM's data ratio -> how both methods are trained.
-TRAINED = {"R1": "as released", "T2": "each at its best"}
+TRAINED = {"R1": "as released (R)", "T2": "tuned (T)"}
 
 
 def long_trained(decisive: pd.DataFrame) -> pd.DataFrame:

@@ -20,8 +20,10 @@ from companion.methods import METHODS
 from companion.statistics import claims
 from companion.statistics.intervals import FEWEST_SEEDS
 from companion.statistics.pairs import paired_comparison
+from companion.statistics.tables import wide
 from companion.studies import ablations
 from companion.studies.decisive import verdicts
+from companion.studies.decisive.figures import RECIPE_LABELS
 from companion.studies.latent_space import measure
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
@@ -33,13 +35,10 @@ LITTLE = 5.0  # min of novice data
 BOOK, SMALL = "study", "laptop"
 SAVED = '"up to 20 times the amount of data" (system 2: "about 5")'
 PRETRAINED = '"cannot be pretrained using just expert data"'
-AS_RELEASED, EARLY = "as released", "Figure 3 here"
-AT_ITS_BEST = "each at its best"
+AS_RELEASED, AT_ITS_BEST, EARLY = RECIPE_LABELS.values()
 BEST_WITH_LEAST = f"{AT_ITS_BEST}, 1 min"
 TRAINED = {"R": AS_RELEASED, "T": AT_ITS_BEST}  # by recipe
 IMPROVEMENT = '"significant improvement" with little data'
-READ = f"Read as ({LITTLE:g} min unless said)"  # heading of the short table
-
 
 KEPT = "SIDM kept, encoder and decoder trained further"
 ELSEWHERE = (" 1 min", "120 min", "largest dataset")  # ends of readings at other sizes
@@ -300,3 +299,14 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
     marked = {"seeds": table.seeds.astype(str) + few}
     marked["verdict"] = table.verdict + corrected
     return table.assign(**marked)[list(names)].rename(columns=names)
+
+
+def nearest_table(rows: Iterable[Reading]) -> pd.DataFrame:
+    """Each statement in its first reading, the nearest: a column per pair of robots."""
+    table = pd.DataFrame(rows, columns=list(Reading._fields))
+    first = table.groupby("statement", sort=False).reading.transform("first")
+    table = table[table.reading == first]
+    marks = table.corrected.map({True: " ‡", False: ""})
+    table = table.assign(text=table.verdict + marks + ": " + table.ours)
+    shown = wide(table, ["statement", "reading"], "system", "text")
+    return shown.rename(columns={"statement": "The paper says", "reading": "Read as"})

@@ -20,7 +20,7 @@ RECIPE_STYLES: dict[str, dict[str, Any]] = {
     "R": {"color": "#1A1A1A", "linestyle": "-"},
     "T": {"color": "#8C8C8C", "linestyle": "--"},
 }
-RECIPE_LABELS = {"R": "as released (R)", "T": "tuned (T)"}
+RECIPE_LABELS = {"R": "as released (R)", "T": "tuned (T)", "Q": "quick (Q)"}
 RULE_MARKERS = dict(zip(MARKED, ("^", "s", "o"), strict=True))
 
 
