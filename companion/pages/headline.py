@@ -14,14 +14,12 @@ from typing import NamedTuple
 import pandas as pd
 
 from companion.engine.store import Results
-from companion.figures.curves import figure3
-from companion.figures.paths import figure4
 from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
 from companion.pages.page import glued, outputs
 from companion.statistics import claims
 from companion.statistics.savings import savings
-from companion.studies.decisive import verdicts
+from companion.studies.decisive import figure3, figure4, verdicts
 from companion.studies.tuning import little_data_results
 from companion.study import Study
 from ownrobot.comparison.statistics import significant
@@ -165,15 +163,14 @@ def show() -> None:
 
 def main(figures: Path = Path("_build/figures")) -> None:
     """Draw Figures 3 and 4 into a folder, and Figure 3 for the README."""
-    frame, little, _ = stored_results()
-    frame4 = Results("results").frame(grid(PRESET, "4"), curves=True)
+    quick, _, decisive = stored_results()
     figures.mkdir(parents=True, exist_ok=True)
+    losses, paths = figure3.table(decisive, quick=quick), figure4.table(decisive)
     for path in (figures / "figure3.png", FIGURE):
-        figure3(pd.concat([frame, little]), methods=DRAWN).savefig(path)
-    figure4(frame4).savefig(figures / "figure4.png")
-    count = len(frame) + len(little) + len(frame4)
-    paths = f"{FIGURE} and {figures}/figure3.png, figure4.png"
-    print(f"{paths} are drawn from {count} trials")
+        figure3.figure(losses).savefig(path)
+    figure4.figure(paths).savefig(figures / "figure4.png")
+    print(f"{FIGURE} and {figures}/figure3.png are drawn from {len(losses)} trials,")
+    print(f"{figures}/figure4.png from {len(paths)}")
 
 
 if __name__ == "__main__":
