@@ -66,7 +66,7 @@ class Figure3:
 
     @functools.cached_property
     def quick(self) -> pd.DataFrame:
-        """Recipe Q: Figure 3 and the methods beside it."""
+        """Results of recipe Q, of Figure 3 and the methods beside it."""
         return self.store.frame(self.trials())
 
     @functools.cached_property
@@ -171,8 +171,9 @@ class Figure3:
         yield "claims", table(claims.page_table(found), compared, quick)
         yield "readings", table(readings.page_table(read), both, *every)
         yield "nearest", table(readings.nearest_table(read), both, *every)
-        drawn_dots = all_savings.figure(self.long_trained, self.saved)
-        yield "saving-dots", HTML(html_picture(drawn_dots, all_savings.WORDS))
+        dots = all_savings.figure(self.long_trained, self.saved)
+        made = provenance_html(drawn, quick, long)
+        yield "saving-dots", HTML(html_picture(dots, all_savings.WORDS) + made)
         others = page.again("little-data"), page.again("free-struts")
         yield "all-savings", table(saved, drawn, quick, *others, long)
         yield "coverage", HTML(table_html(coverage.page_table()))

@@ -339,8 +339,8 @@ def test_paths_are_read_from_where_the_user_stands(tmp_path, monkeypatch):
     words = [word for item in given.items() for word in ("-p", *item)]
     parser = argparse.ArgumentParser()
     notebook_command.add_arguments(parser)
-    arguments = parser.parse_args(["own-data", "out.ipynb", *words])
-    path = notebook.find_notebook("own-data")
+    arguments = parser.parse_args(["own-robot", "out.ipynb", *words])
+    path = notebook.find_notebook("own-robot")
     values = notebook_command._run_of(path, arguments).values
     assert values["novice"] == str(tmp_path / "drives.csv")
     assert values["data"] == str(tmp_path / "mine")

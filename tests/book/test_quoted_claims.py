@@ -41,7 +41,7 @@ def test_a_claim_stands_on_its_page_and_the_results_bear_it_out(book, claim):
 
 def test_the_first_page_has_claims_and_most_chapters():
     pages = [claim.page for claim in CLAIMS]
-    assert pages.count(FIRST_PAGE) >= 4 and len(set(pages)) >= 15
+    assert pages.count(FIRST_PAGE) >= 4 and len(set(pages)) >= 13
 
 
 @pytest.mark.more
