@@ -469,7 +469,7 @@ CLAIMS = [
     ),
     Claim(
         FIRST_PAGE,
-        "no method that we tried is clearly better than [least squares]",
+        "no method was clearly better than [least squares]",
         recorded_unbeaten,
     ),
     Claim("README.md", "an SIDM saves data with one minute", tuned_saves_with_one),

@@ -42,7 +42,7 @@ def test_the_decisive_rows_are_the_verdicts(table, store):
 
 def test_figure_3s_rows_are_the_claims(table, store):
     figure3 = store.frame(grid("study", "3", data="data", results=str(store.folder)))
-    shown = table[table.Settings == "Figure 3"].set_index("Pair")["5 min"]
+    shown = table[table.Settings == "quick (Q)"].set_index("Pair")["5 min"]
     for system, label in (("system1", "system 1"), ("system2", "system 2")):
         row = claims.data_saving_claim(figure3, system).iloc[0]
         assert shown[label] == Interval(row.value, row.low, row.high).text(2)
