@@ -14,7 +14,7 @@ BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 SMALLER = {
     r"minutes=\d+": "minutes=0.3",
     r'"max_samples": [\d_]+': '"max_samples": 4000',
-    r"repeats=1\)": 'repeats=1, methods=["mean", "corrected"], shares=[1])',
+    r"repeats=1\n\)": 'repeats=1, methods=["mean", "corrected"], shares=[1])',
 }
 
 
