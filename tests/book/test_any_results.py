@@ -93,7 +93,7 @@ def test_the_page_on_extending_works_to_the_letter(project, tmp_path):
     paper = "#: The pairs whose results the book shows."
     source.unlink()  # a link to the project's
     source.write_text(text.replace(paper, f"{code}\n{paper}"), encoding="utf-8")
-    section = PAGE[PAGE.index("## A system") : PAGE.index("## A method")]
+    section = PAGE[PAGE.index("## Add a system") : PAGE.index("## Add a method")]
     commands = re.findall(r"^companion .*", section, re.MULTILINE)
     assert len(commands) == 7
     own = "-p systems [soft] -p preset smoke -p results _build/soft"
