@@ -178,7 +178,7 @@ def test_the_ghost_appears_and_stands_beside(visit):
     page.evaluate(f"() => {VIEW}.seek(2)")
     pictures = {}
     for words in ("in one picture", "side by side", "the first alone"):
-        page.get_by_label("both robots").select_option(label=words)
+        page.get_by_label("both robots", exact=True).select_option(label=words)
         pictures[words] = page.evaluate(PICTURE)
     assert len(set(pictures.values())) == 3
     opacity = f"() => {VIEW}.robots.map(({{ materials }}) => materials.body.opacity)"
