@@ -75,6 +75,7 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure
     Lines are means over seeds, shades reach from the least to the greatest. The arrow
     is as long as the paper's number says: from the SIDM's loss at AT minutes to where
     training alone should have it. A dotted line stands where the paper's curves meet.
+    A system that the paper does not have gets no mark.
     """
     figure, panels = side_by_side(len(systems), 2)
     for axes, system in zip(panels, systems, strict=False):
@@ -85,9 +86,11 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure
             if len(group):
                 _draw(axes, method, group)
         ours = sorted(set(shown[shown.method.isin(COMPARED)].novice_minutes))
-        sizes = SAID[system].sizes
-        axes.set_xlim(0.8 * min(sizes), 1.25 * max(sizes))
-        _mark(axes, system, shown)
+        sizes = SAID[system].sizes if system in SAID else tuple(ours)
+        if sizes:
+            axes.set_xlim(0.8 * min(sizes), 1.25 * max(sizes))
+        if system in SAID:
+            _mark(axes, system, shown)
         finish(axes, sizes, legend=False)
         lacking = [f"{size:g}" for size in sizes if size not in ours]
         if lacking:
