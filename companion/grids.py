@@ -9,9 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
-
-from companion.engine.store import Results
 from companion.presets import Preset
 from companion.study import Study
 from companion.trials import Trial
@@ -161,32 +158,3 @@ def _with_values(
             listed = ", ".join(f"{number:g}" for number in known)
             raise ConfigError(f"{name} {value:g} is not in this grid; it has {listed}")
     return [trial for trial in trials if getattr(trial, field) in values]
-
-
-def figure_costs(study: Study, store: Results) -> pd.DataFrame:
-    """Cost of a preset's figures, a row per figure.
-
-    A trial that serves several figures counts in each of them.
-
-    Returns:
-        A table with columns: `figure`; `trials`, their number; `stored`, how many of
-        them are stored; `hours`, time that the stored ones took on one processor or
-        GPU, pretraining included in the trials that did it; `peak_memory`, MiB, of the
-        trial that needed most; `devices`; `resumed`, how many were resumed, which count
-        with their last part only.
-    """
-    rows = []
-    for figure in figures_of(study.preset):
-        trials = grid(study.preset, figure, data=study.data, results=study.results)
-        stored = store.frame(trials)
-        row = {
-            "figure": figure,
-            "trials": len(trials),
-            "stored": len(stored),
-            "hours": stored.seconds.sum() / 3600,
-            "peak_memory": stored.peak_memory.max() if len(stored) else 0.0,
-            "devices": tuple(sorted(set(stored.device))),
-            "resumed": stored.resumed.sum(),
-        }
-        rows.append(row)
-    return pd.DataFrame(rows)

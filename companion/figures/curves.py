@@ -16,7 +16,6 @@ from companion.figures.style import (
     LOSS_BY_SIZE,
     METHOD_STYLES,
     legend_below,
-    legend_entries,
     mean_and_range,
     system_panels,
 )
@@ -86,28 +85,3 @@ def size_style(method: str, index: int) -> dict[str, Any]:
     """Line style of a method and a size: the method's colour, dashes by `index`."""
     line = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))[index % 6]
     return {"color": METHOD_STYLES[method]["color"], "linestyle": line, "marker": ""}
-
-
-@styled
-def learning_curves(
-    frame: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS
-) -> Figure:
-    """Novice test loss against samples seen, one thin line per trial."""
-    xlabel = "samples seen (control steps)"
-    ylabel = "novice test loss, equation (1)\n(raw units squared)"
-    scales = {"xscale": "log", "yscale": "log"}
-    figure, plots = system_panels(
-        frame, systems, xlabel=xlabel, ylabel=ylabel, **scales
-    )
-    for axes, results in plots:
-        sizes = sorted(results.novice_minutes.unique())
-        for method, minutes, group in by_method_and_size(results):
-            style = size_style(method, sizes.index(minutes)) | {"lw": 0.9}
-            label: str | None = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-            for row in group.itertuples():
-                axes.plot(row.curve_samples, row.curve_test_loss, label=label, **style)
-                label = None  # one entry of the legend per group
-        finish(axes, legend=False)
-    if drawn := legend_entries(figure.axes):
-        figure.legend(drawn.values(), drawn.keys(), loc="outside right upper")
-    return figure

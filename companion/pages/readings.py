@@ -36,12 +36,10 @@ BOOK, SMALL = "study", "laptop"
 SAVED = '"up to 20 times the amount of data" (system 2: "about 5")'
 PRETRAINED = '"cannot be pretrained using just expert data"'
 AS_RELEASED, AT_ITS_BEST, EARLY = RECIPE_LABELS.values()
-BEST_WITH_LEAST = f"{AT_ITS_BEST}, 1 min"
 TRAINED = {"R": AS_RELEASED, "T": AT_ITS_BEST}  # by recipe
 IMPROVEMENT = '"significant improvement" with little data'
 
 KEPT = "SIDM kept, encoder and decoder trained further"
-ELSEWHERE = (" 1 min", "120 min", "largest dataset")  # ends of readings at other sizes
 LESS_EXPERT = f"p_e of {ablations.MOST_DATA_P_EXPERT:g}"
 NO_ADVERSARY = METHODS["no_regularisation"].label
 

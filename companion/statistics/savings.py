@@ -166,24 +166,6 @@ def texts_at(
     return [texts[name] + unit if name in texts else "not run" for name in systems]
 
 
-def savings_table(
-    frame: pd.DataFrame, methods: Sequence[str], against: Sequence[str]
-) -> pd.DataFrame:
-    """`savings` of methods with a column for each comparison, the ratios as texts.
-
-    There is one row per system, method and size, with the `loss` as text; sizes without
-    a ratio for all comparisons are left out.
-    """
-    table = savings(frame, methods, against)
-    point = ["system", "method", "novice_minutes"]
-    texts = table.assign(times=ratio_texts(table)).pivot(
-        index=point, columns="against", values="times"
-    )
-    texts = texts.reindex(columns=list(against)).dropna()
-    losses = table.groupby(point).loss.first().map("{:.3f}".format).to_frame()
-    return losses.join(texts, how="right").reset_index()
-
-
 def minutes_text(minutes: np.ndarray, losses: np.ndarray, loss: float) -> str:
     """The data with which a curve (M,) reaches a loss, as text: 'more than 20 min'."""
     data, sign = minutes_needed(minutes, isotonic_fit(losses), loss)

@@ -64,23 +64,6 @@ def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.Data
     return table
 
 
-def costs(frame: pd.DataFrame) -> pd.DataFrame:
-    """Time, min (mean, longest), and largest memory, MiB, by system and method."""
-    groups = frame.assign(minutes=frame.seconds / 60).groupby(["system", "method"])
-    table = groups.agg(
-        trials=("seed", "size"),
-        mean=("minutes", "mean"),
-        longest=("minutes", "max"),
-        memory=("peak_memory", "max"),
-    ).reset_index()
-    names = {
-        "mean": "mean (min)",
-        "longest": "longest (min)",
-        "memory": "peak memory (MiB)",
-    }
-    return table.assign(memory=table.memory.round().astype(int)).rename(columns=names)
-
-
 def differences(trial: Trial, base: Trial) -> str:
     """Settings of a trial that differ from another's: 'p_expert=0.25'; '' for none."""
     texts = []

@@ -246,20 +246,6 @@ def page_table(tries: pd.DataFrame) -> pd.DataFrame:
     return wide(shown, [*rows], "system", "loss").rename(columns=rows)
 
 
-def above_lowest(tries: pd.DataFrame) -> pd.DataFrame:
-    """How far the test loss of the tries that are used is above the lowest.
-
-    One row per system, size and method with both tries: `above`, as a share of the
-    lowest loss, and `same`, whether they are one.
-    """
-    point = ["system", "novice_minutes", "method"]
-    both = tries[tries.used].merge(
-        tries[tries.lowest], on=point, suffixes=("", "_lowest")
-    )
-    above = both.best_test_loss / both.best_test_loss_lowest - 1
-    return both[point].assign(above=above, same=both["try"] == both.try_lowest)
-
-
 #: The tuned settings of a training; the phases of Algorithm 2 have the last two.
 TUNED = (
     "learning_rate",

@@ -9,8 +9,7 @@ from typing import get_args, get_type_hints
 import pytest
 import yaml
 
-from companion import METHODS, PRESETS, Results, Study, Trial, grid, load_preset
-from companion.grids import figure_costs, figures_of
+from companion import METHODS, PRESETS, Study, Trial, grid, load_preset
 from companion.methods import COMPARED, CORES, MIRRORED, RIVAL, VARIANTS
 from companion.presets import POLICIES
 from companion.studies import ablations, baselines, choices, duration, tuning, variants
@@ -267,20 +266,3 @@ def test_robots_with_free_struts_have_motion_of_their_own():
         {t.datasets["expert"].collection for t in some} for some in (free, every)
     )
     assert next(experts).isdisjoint(next(experts))
-
-
-def test_a_figure_costs_what_its_stored_trials_took(tmp_path, make_row):
-    """A trial counts in each figure that uses it."""
-    store, study = Results(tmp_path), Study("smoke", tmp_path, tmp_path)
-    trials = study.points("system1", ["sidm", "novice_only"], [0.5])
-    rows = [make_row(trial, 1.0) for trial in trials]
-    for row in rows:
-        store.put(row)
-    costs = figure_costs(study, store)
-    assert costs.figure.tolist() == list(figures_of(study.preset))
-    lines = {one.figure: one for one in costs.itertuples(index=False)}
-    three = lines["3"]
-    assert (three.trials, three.stored, lines["4"].stored) == (12, 2, 2)
-    assert three.hours * 3600 == pytest.approx(sum(r.provenance.seconds for r in rows))
-    assert three.devices == (rows[0].provenance.device,)
-    assert lines["tuning"][2:] == (0, 0, 0, (), 0)

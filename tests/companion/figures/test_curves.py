@@ -10,7 +10,6 @@ from companion.engine.frame import frame_of
 from companion.figures.animation import film
 from companion.figures.curves import (
     figure3,
-    learning_curves,
 )
 from companion.figures.paths import figure4
 
@@ -35,13 +34,9 @@ def test_the_experts_model_alone_is_a_level(figure3_rows, laptop, make_row):
     assert (len(left.get_lines()), len(right.get_lines())) == (4, 3)
 
 
-@pytest.mark.parametrize("draw", [figure3, figure4, learning_curves])
+@pytest.mark.parametrize("draw", [figure3, figure4])
 def test_figures_of_nothing_say_so(draw):
     assert draw(frame_of([])).axes[0].texts[0].get_text() == "no trials stored"
-
-
-def test_each_trial_has_its_learning_curve(figure3_frame):
-    assert len(learning_curves(figure3_frame[:4]).axes[0].get_lines()) == 4
 
 
 def test_figure4_draws_means_and_paths(figure3_frame, laptop):

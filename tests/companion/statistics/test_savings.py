@@ -1,17 +1,13 @@
 """Ratios at each size, on curves whose ratio is known."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from companion import Study
 from companion.engine.frame import frame_of
 from companion.statistics.savings import (
     ratio_texts,
     savings,
-    savings_table,
 )
-from companion.studies import variants
 
 #: number of times that a method's data count
 RATIO = {"sidm": 4.0, "novice_only": 1.0, "pretrain_finetune": 8.0}
@@ -69,25 +65,3 @@ def test_a_level_curve_saves_nothing_at_its_right_end(make_row, laptop):
         frame_of(make_row(t, losses[t.method][t.novice_minutes]) for t in trials)
     )
     assert rows.ratio[2] == pytest.approx(4) and rows.ratio[3] == pytest.approx(1)
-
-
-def test_rivals_stand_side_by_side(frame, make_row, tmp_path):
-    """A method whose data count 16 times needs half of the pretrained one's data."""
-    power = {"mirrored": 16.0, "tethered": 8.0}
-    study = Study("laptop", tmp_path, tmp_path)
-    trials = [t for t in variants.trials(study, "system1") if t.method in power]
-    own = frame_of(
-        make_row(t, (power[t.method] * t.novice_minutes) ** -0.5) for t in trials
-    )
-    both = pd.concat([frame[frame.method != "novice_only"], own])
-    sides = ["mirrored", "tethered", "adapters"], ["sidm", "pretrain_finetune"]
-    rows = savings_table(both, *sides)
-    assert rows.method.tolist() == ["mirrored"] * 4 + ["tethered"] * 4
-    assert rows.novice_minutes.tolist() == [1, 2, 5, 10] * 2
-    assert rows.pretrain_finetune[:4].str.startswith("2.0 (").all()
-    assert rows.sidm[0].startswith("4.")
-    # a rival that was not run
-    assert not len(savings_table(both, ["mirrored"], ["sidm", "novice_only"]))
-    # the seeds that both sides have differ by comparison
-    fewer = both[(both.method != "sidm") | (both.seed < 2)]
-    assert len(savings_table(fewer, ["mirrored"], sides[1])) == 4
