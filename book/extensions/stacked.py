@@ -6,6 +6,8 @@ the picture come its parts, cut out by SVG; book.css shows the one or the other.
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import re
 from html import escape, unescape
@@ -20,6 +22,10 @@ from companion.figures.stacked import KEY
 
 PICTURE = re.compile(
     r"<img [^>]*\bsrc=\"(?P<address>[^\"]*/(?P<name>[^\"/]+\.png))\"[^>]*>"
+)
+#: a picture that a page shows of another page, see `companion.figures.style.html_plots`
+INLINE = re.compile(
+    r"(?P<tag><img class=\"plots\" src=\")data:image/png;base64,([^\"]+)"
 )
 ALT = re.compile(r"\balt=\"([^\"]*)\"")
 
@@ -62,16 +68,23 @@ def stack(
     """Put the parts of each picture of a page below it."""
     if not context.get("body") or app.builder.format != "html":
         return
-    files = {name: path for path, name in app.builder.images.items()}
+    folder = app.builder.imagedir
+    files = {name: Path(app.srcdir, path) for path, name in app.builder.images.items()}
+
+    def in_file(match: re.Match[str]) -> str:
+        content = base64.b64decode(match[2])
+        name = f"{hashlib.sha256(content).hexdigest()[:20]}.png"
+        files[name] = Path(app.outdir, folder, name)
+        files[name].parent.mkdir(exist_ok=True)
+        files[name].write_bytes(content)
+        return match["tag"] + context["pathto"](f"{folder}/{name}", resource=True)
 
     def with_parts(match: re.Match[str]) -> str:
-        path = files.get(match["name"])
-        parts = (
-            stacked(match[0], match["address"], Path(app.srcdir, path)) if path else ""
-        )
-        return match[0] + parts
+        file = files.get(match["name"])
+        return match[0] + (stacked(match[0], match["address"], file) if file else "")
 
-    context["body"] = PICTURE.sub(with_parts, context["body"])
+    body = INLINE.sub(in_file, context["body"])
+    context["body"] = PICTURE.sub(with_parts, body)
 
 
 def setup(app: Sphinx) -> dict[str, object]:

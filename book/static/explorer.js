@@ -342,13 +342,13 @@
     const [views, panels] = [{}, {}];
     const controls = buildControls(form, () => update());
     const drives = data.knobs[data.setUp + 1].shown.length + 1; // the last weaves
-    for (const [name, spec] of Object.entries(data.charts)) {
-      panels[name] = element("div", { class: "explorer-chart", role: "img", "aria-label": spec.description });
+    for (const name of Object.keys(data.charts)) {
+      panels[name] = element("div", { class: "explorer-chart" });
       charts.append(panels[name]); // all of them, before any measures its width
     }
     for (const [name, spec] of Object.entries(data.charts)) {
       const place = panels[name].appendChild(element("div"));
-      views[name] = (await vegaEmbed(place, spec, { actions: false, renderer: "canvas", logLevel: 1 /* errors */ })).view;
+      views[name] = await window.bookCharts.embed(place, spec);
       views[name].cleanThreshold = 500; // rows that it has done with and still holds; it would be 10,000
     }
     const move = cursors(panels, views, replay);

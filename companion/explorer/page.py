@@ -41,6 +41,7 @@ from companion.explorer.grid import (
     ground,
     twin_name,
 )
+from companion.figures.interactive import themed
 from companion.figures.style import half_width, system_label
 from ownrobot.replay import scene
 from ownrobot.replay.packing import text
@@ -57,7 +58,7 @@ COLOURS = scene.COLOURS[: len(WHO)]  # as in the replay
 VIEW = (-1.5, 14.5, -5.0, 5.0)
 REPLAYED = (-4.0, 14.9, -9.0, 9.0)  # the same for the replay, m
 CELL = 0.4  # side of a square of ground in the charts, m
-TALLEST = 2.0  # height of the darkest ground, m
+TALLEST = 2.0  # height of the greyest ground, m
 
 
 def _axis(kind: Any, field: str, title: str, start: float, end: float) -> Any:
@@ -93,10 +94,10 @@ def _path() -> alt.LayerChart:
     left, right, low, high = VIEW
     x = _axis(alt.X, "x:Q", "x (m)", left, right)
     y = _axis(alt.Y, "y:Q", "y (m)", low, high)
-    pale = alt.Scale(domain=[0, TALLEST], range=["#ffffff", "#4d4d4d"], clamp=True)
-    shade = alt.Color("h:Q", scale=pale, legend=None)
-    squares = alt.Chart(alt.NamedData(name="ground")).mark_rect()
-    cells = squares.encode(x=x, x2="x2:Q", y=y, y2="y2:Q", color=shade)
+    pale = alt.Scale(domain=[0, TALLEST], range=[0, 0.9], clamp=True)
+    shade = alt.Opacity("h:Q", scale=pale, legend=None)  # on white and on black
+    squares = alt.Chart(alt.NamedData(name="ground")).mark_rect(color="#808080")
+    cells = squares.encode(x=x, x2="x2:Q", y=y, y2="y2:Q", opacity=shade)
     return (cells + _lines().encode(x=x, y=y)).resolve_scale(color="independent")
 
 
@@ -106,18 +107,15 @@ def charts() -> dict[str, dict[str, Any]]:
     pitch, roll = _over_time("pitch (degrees)"), _over_time("roll (degrees)")
     charts = {
         "height": (height, "Height of the body over time"),
-        "path": (_path(), "Paths from above, higher ground darker"),
+        "path": (_path(), "Paths from above, heights in grey"),
         "pitch": (pitch, "Pitch over time, nose down positive"),
         "roll": (roll, "Roll over time, right side down positive"),
     }
     for number in (3, 2, 1, 0):  # as the struts lie, seen from above
         title = f"{STRUTS[number].capitalize()} strut, stops dotted"
         charts[f"strut {number}"] = _travel(), title
-    size: dict[str, Any] = {"width": "container", "height": 180}
     return {
-        name: chart.properties(**size, title=title, description=title)
-        .configure(background="white", font="sans-serif")
-        .to_dict(validate=False)
+        name: themed(chart.properties(height=180, title=title), title)
         for name, (chart, title) in charts.items()
     }
 

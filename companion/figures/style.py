@@ -18,6 +18,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from companion.figures.stacked import png
 from companion.methods import FOR_LITTLE, METHODS
 from sidm.plots import side_by_side
 from sidm.systems import GRID_SPACING
@@ -88,7 +89,16 @@ def html_picture(figure: Figure, words: str) -> str:
     """A figure as HTML, with words for readers who cannot see it."""
     file = io.BytesIO()
     figure.savefig(file, format="png")
-    data = base64.b64encode(file.getvalue()).decode()
+    return _image(file.getvalue(), words)
+
+
+def html_plots(figure: Figure, words: str) -> str:
+    """The same of plots that a narrow page stacks, see `figures.stacked`."""
+    return _image(png(figure), words).replace("<img", '<img class="plots"', 1)
+
+
+def _image(content: bytes, words: str) -> str:
+    data = base64.b64encode(content).decode()
     return f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
 
 

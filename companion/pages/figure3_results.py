@@ -10,7 +10,7 @@ import pandas as pd
 from IPython.display import HTML
 
 from companion.engine.store import Results
-from companion.figures.style import html_picture
+from companion.figures.style import html_plots
 from companion.methods import FIGURE3, FOR_LITTLE
 from companion.pages import all_savings, decisive_numbers, readings
 from companion.pages.markdown import known_text, provenance_html, table_html
@@ -173,7 +173,7 @@ class Figure3:
         yield "nearest", table(readings.nearest_table(read), both, *every)
         dots = all_savings.figure(self.long_trained, self.saved)
         made = provenance_html(drawn, quick, long)
-        yield "saving-dots", HTML(html_picture(dots, all_savings.WORDS) + made)
+        yield "saving-dots", HTML(html_plots(dots, all_savings.WORDS) + made)
         others = page.again("little-data"), page.again("free-struts")
         yield "all-savings", table(saved, drawn, quick, *others, long)
         yield "coverage", HTML(table_html(coverage.page_table()))

@@ -115,7 +115,9 @@ def score_texts(
 
 def provenance(rows: pd.DataFrame, folders: Sequence[str]) -> str:
     """The line below the figure: how many trials, and the command that runs them."""
-    words = ["companion", "bench", REFERENCE, *SHOWN, "--tasks", "all", *folders]
+    methods = REFERENCE, *SHOWN
+    words = ["companion", "bench", *methods, "--tasks", "all", *folders]
+    rows = rows[rows.method.isin(methods)]
     link = '<a href="../book/benchmark-table.html">every trial and its seconds</a>'
     count = f"{len(rows)} trials of {rows.task.nunique()} tasks; {link}; again"
     made = count if len(rows) else "No trials stored; run"

@@ -19,7 +19,8 @@ SUBSTEPS = 50  # steps of the Ornstein-Uhlenbeck process in one control step
 def ornstein_uhlenbeck(steps: int, rng: np.random.Generator) -> np.ndarray:
     """Actions (T, 2) of a mean-reverting random walk behind a low-pass filter.
 
-    The walk has 50 substeps in a control step. The paper's data use this policy.
+    The walk has 50 substeps in a control step. The released code had this policy
+    at the time of the paper.
     """
     shocks = rng.normal(0.0, (0.025, 0.05), (steps * SUBSTEPS, 2))
     throttle = _filtered_walk(shocks[:, 0].tolist(), mean=0.2, pull=0.0125, keep=0.8)

@@ -216,7 +216,7 @@ def page_table(table: pd.DataFrame) -> pd.DataFrame:
             "Quantity": "loss ratio" if row.verdict == "S" else "data ratio",
             "Ours (95 % interval)": DataRatio(
                 row.value, row.low, row.high, row.bound
-            ).text(),
+            ).text(3 if row.verdict == "S" else 2),
             "Seeds": row.seeds,
             "p (Holm)": "-" if np.isnan(row.corrected) else f"{row.corrected:.2g}",
             "Says": row.says,
