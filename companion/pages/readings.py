@@ -104,7 +104,10 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
     for system in PAPER_SYSTEMS:
         for row in claims.data_saving_claim(figure3, system).itertuples():
             rows.append(_judged_row(row, SAVED, EARLY, "data", row.verdict))
-    for row in judged[judged.verdict == "S"].itertuples():
+    small = judged[judged.verdict == "S"].sort_values(
+        "minutes", ascending=False, kind="stable"
+    )
+    for row in small.itertuples():
         reading = f"{TRAINED[row.recipe]}, {row.minutes:g} min"
         rows.append(_judged_row(row, IMPROVEMENT, reading, "loss", row.says, True))
     sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
@@ -301,14 +304,10 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
 
 
 def nearest_table(rows: Iterable[Reading]) -> pd.DataFrame:
-    """Each statement in its first reading, the nearest: a column per pair of robots.
-
-    "Especially" little data is two sizes.
-    """
+    """Each statement in its first reading, the nearest: a column per pair of robots."""
     table = pd.DataFrame(rows, columns=list(Reading._fields))
     first = table.groupby("statement", sort=False).reading.transform("first")
-    second = table.statement.eq(IMPROVEMENT) & table.reading.eq(f"{AS_RELEASED}, 5 min")
-    table = table[table.reading.eq(first) | second]
+    table = table[table.reading == first]
     marks = table.corrected.map({True: " ‡", False: ""})
     table = table.assign(text=table.verdict + marks + ": " + table.ours)
     shown = wide(table, ["statement", "reading"], "system", "text")
