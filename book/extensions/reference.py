@@ -9,11 +9,13 @@ from __future__ import annotations
 import pkgutil
 import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.ext import autosummary
+from sphinx.ext.autodoc.mock import mock
 from sphinx.ext.autosummary.generate import generate_autosummary_docs
 
 import companion
@@ -26,10 +28,12 @@ TITLE = re.compile(r"(?<=<h1>)[\w.]+")
 
 
 def read_modules(app: Sphinx, config: Config) -> None:
-    """Let Sphinx read the pages of modules, which the table of contents leaves out."""
+    """Let Sphinx read all modules and their pages, which no contents list."""
     config.exclude_patterns = [
         name for name in config.exclude_patterns if not name.startswith(f"{PAGES}/")
     ]
+    if find_spec("triton") is None:  # of the kernels; PyTorch for CPUs is without it
+        config.autodoc_mock_imports = ["triton"]
 
 
 def write_sources(app: Sphinx) -> None:
@@ -48,7 +52,10 @@ def write_sources(app: Sphinx) -> None:
     if not modules.issuperset(path.stem for path in sources):
         while sources:  # the sources of other modules may name the one that is gone
             sources.pop().unlink()
-    generate_autosummary_docs([LIST, *map(str, sources)], base_path=app.srcdir, app=app)
+    with mock(app.config.autodoc_mock_imports):
+        generate_autosummary_docs(
+            [LIST, *map(str, sources)], base_path=app.srcdir, app=app
+        )
 
 
 def break_title(
