@@ -93,13 +93,13 @@ def html_picture(figure: Figure, words: str) -> str:
 
 
 def html_plots(figure: Figure, words: str) -> str:
-    """The same of plots that a narrow page stacks, see `figures.stacked`."""
-    return _image(png(figure), words).replace("<img", '<img class="plots"', 1)
+    """Plots as HTML that a narrow page stacks, see `figures.stacked`."""
+    return _image(png(figure), words, ' class="plots"')
 
 
-def _image(content: bytes, words: str) -> str:
+def _image(content: bytes, words: str, look: str = "") -> str:
     data = base64.b64encode(content).decode()
-    return f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
+    return f'<img{look} src="data:image/png;base64,{data}" alt="{escape(words)}">'
 
 
 def html_chart(specification: dict[str, Any], figure: Figure, words: str) -> str:

@@ -8,9 +8,7 @@ from PIL import Image
 
 from companion.engine.frame import frame_of
 from companion.figures.animation import film
-from companion.figures.curves import (
-    figure3,
-)
+from companion.figures.curves import figure3
 from companion.figures.paths import figure4
 
 

@@ -12,11 +12,7 @@ from companion.statistics.pairs import (
     paired_comparison,
     pooled_comparison,
 )
-from companion.statistics.tables import (
-    component_errors,
-    loss_summary,
-    wide,
-)
+from companion.statistics.tables import component_errors, loss_summary, wide
 from sidm.config import replace
 from sidm.learning.observation import TARGET_SIZE
 

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from companion.engine.frame import frame_of
-from companion.statistics.savings import (
-    ratio_texts,
-    savings,
-)
+from companion.statistics.savings import ratio_texts, savings
 
 #: number of times that a method's data count
 RATIO = {"sidm": 4.0, "novice_only": 1.0, "pretrain_finetune": 8.0}
