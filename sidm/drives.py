@@ -92,29 +92,18 @@ class GroundError(DataError):
 
 
 class SimulatedGround(NamedTuple):
-    """Generated ground, kept as its seed; its heights are generated at each access.
+    """Generated ground, kept as its seed; its heights are generated at each access."""
 
-    Attributes:
-        terrain: the kind of ground
-        seed: `generate_terrain(terrain, seed)` returns its heights
-        checksum: checksum of the heights' bits where the robot was simulated; it is
-            part of the digest of a dataset
-        probe: (8,), m, some heights of the ground; with them another machine checks
-            that it generates the same ground
-    """
-
-    terrain: Terrain
-    seed: int
+    terrain: Terrain  # the kind of ground
+    seed: int  # `generate_terrain(terrain, seed)` returns its heights
+    #: of the heights' bits where the robot was simulated; in the digest of a dataset
     checksum: str
+    #: (8,), m, heights by which another machine checks that it generates this ground
     probe: np.ndarray
 
     @property
     def heights(self) -> np.ndarray:
-        """Heights (H, W), m, index [y, x].
-
-        Raises:
-            GroundError: this machine generates another ground than the simulator had.
-        """
+        """Heights (H, W), m, index [y, x]; GroundError if they are not as they were."""
         from sidm.terrain import generate_terrain  # which imports SciPy
 
         heights = generate_terrain(self.terrain, self.seed)
@@ -163,9 +152,6 @@ class Drive:
         index: number of the drive within a simulated collection
         discarded: simulated attempts that were thrown away before this drive, a number
             for each cause
-
-    Raises:
-        ValueError: states or actions do not have the body's shape.
 
     Examples:
         >>> states, actions = np.zeros((11, 13)), np.zeros((10, 2))

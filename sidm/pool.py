@@ -82,20 +82,16 @@ class _Call(Future):
         self._call = call
 
     def result(self, timeout: float | None = None) -> Any:
-        self._run()
+        self.exception()
         return super().result(timeout)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
-        self._run()
+        if not self.done():
+            try:
+                self.set_result(self._call())
+            except Exception as error:
+                self.set_exception(error)
         return super().exception(timeout)
-
-    def _run(self) -> None:
-        if self.done():
-            return
-        try:
-            self.set_result(self._call())
-        except Exception as error:
-            self.set_exception(error)
 
 
 def _end_with_parent() -> None:

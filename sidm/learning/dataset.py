@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from sidm.body import ROVER, Body
-from sidm.config import replace
+from sidm.config import ConfigError, replace
 from sidm.drives import Drive
 from sidm.learning import observation
-from sidm.learning.height_maps import cached_maps, drive_maps, states_for_body
-from sidm.shards import Collection, Which, digest, load
+from sidm.shards import Collection, ShardError, Which, digest, load
+from sidm.storage import locked, write_atomically
 from sidm.systems import Terrain
+
+MAPS_AT_A_TIME = 64  # drives whose maps are in memory while a file is written
 
 Indices = Tensor | np.ndarray | Sequence[int]
 
@@ -70,50 +73,31 @@ class Windows:
 
     def take(self, indices: Indices) -> Windows:
         """The windows at `indices`, copied."""
-        rows = self._rows_at(indices)
-        return Windows(
-            self.stored_inputs[rows], self.stored_targets[rows], self.stored_maps[rows]
-        )
+        part = self.subset(indices)
+        return Windows(part.inputs, part.targets, part.maps)
 
     def subset(self, indices: Indices) -> Windows:
         """The windows at `indices`, not copied."""
-        return replace(self, rows=self._rows_at(indices))
+        chosen = torch.as_tensor(indices, dtype=torch.long)
+        return replace(self, rows=self.row_indices[chosen])
 
     def first(self, count: int) -> Windows:
         """The first `count` windows, or all where there are fewer, not copied."""
-        if self.rows is not None:
-            return replace(self, rows=self.rows[:count])
-        return Windows(
-            self.stored_inputs[:count],
-            self.stored_targets[:count],
-            self.stored_maps[:count],
-        )
+        return self.subset(range(min(count, len(self))))
 
     def split(self, size: int) -> Iterator[Windows]:
-        """All windows in order, in parts of at most `size` windows.
-
-        Each part of chosen `rows` is copied when it is reached.
-        """
-        if self.rows is not None:
-            return (self.take(part) for part in torch.arange(len(self)).split(size))
-        tensors = self.stored_inputs, self.stored_targets, self.stored_maps
-        parts = zip(*(tensor.split(size) for tensor in tensors), strict=True)
-        return (Windows(*part) for part in parts)
+        """All windows in order, copied in parts of at most `size` windows."""
+        return (self.take(part) for part in torch.arange(len(self)).split(size))
 
     def to(self, device: torch.device | str) -> Windows:
         """A copy on a device."""
         return Windows(
-            self.inputs.to(device), self.targets.to(device), self.maps.to(device)
+            *(one.to(device) for one in (self.inputs, self.targets, self.maps))
         )
 
     def _chosen(self, stored: Tensor) -> Tensor:
         """The chosen rows of a stored tensor."""
         return stored if self.rows is None else stored[self.rows]
-
-    def _rows_at(self, indices: Indices) -> Tensor:
-        """The rows (n,), int64, of the windows at `indices` in the stored tensors."""
-        chosen = torch.as_tensor(indices, dtype=torch.long)
-        return chosen if self.rows is None else self.rows[chosen]
 
 
 class Datasets(NamedTuple):
@@ -137,8 +121,7 @@ def windows_of(
             drives' own body.
 
     Raises:
-        GroundError: simulated ground that cannot be made again as it was; the message
-            is one line.
+        GroundError: simulated ground that cannot be made again as it was.
         ConfigError: the body sees a height map, and a drive has no ground.
         ValueError: no drives.
     """
@@ -174,7 +157,7 @@ def load_windows(
     if (body.map_size, body.pose) != (ROVER.map_size, ROVER.pose):
         kind = f"-{body.map_size:g}m-{body.pose}"
     path = collection.folder(Path(root)) / f"maps-{pixels}{kind}-{digest(drives)}.npy"
-    return _encode_drives(drives, body, cached_maps(path, drives, pixels, body))
+    return _encode_drives(drives, body, _cached_maps(path, drives, pixels, body))
 
 
 def _encode_drives(
@@ -195,6 +178,15 @@ def states_and_actions(drives: Sequence[Drive]) -> tuple[Tensor, Tensor]:
     return torch.from_numpy(states).double(), torch.from_numpy(actions).double()
 
 
+def states_for_body(
+    body: Body, recorded: Body, states: Tensor, actions: Tensor
+) -> tuple[Tensor, Tensor]:
+    """States and actions of the `recorded` body in the form of `body`."""
+    if recorded == body:
+        return states, actions
+    return observation.convert_to_body(body, states, actions)
+
+
 def encode_windows(
     body: Body, states: Tensor, actions: Tensor, maps: Tensor | None = None
 ) -> Windows:
@@ -208,3 +200,60 @@ def encode_windows(
     if maps is None:
         maps = torch.zeros(*actions.shape[:2], 0, 0, dtype=torch.float16)
     return Windows(inputs.float(), targets.float(), maps)
+
+
+def drive_maps(drive: Drive, pixels: int, body: Body) -> np.ndarray:
+    """Maps (T, P, P), float16, in m, as `body` sees them at the start of each step."""
+    ground = drive.ground
+    if ground is None:
+        raise ConfigError(
+            f"{drive.name}: body '{body.name}' sees a height map, "
+            "and the drive has no ground"
+        )
+    heights = ground.heights
+    states, actions = map(torch.from_numpy, (drive.states[:-1], drive.actions))
+    states, _ = states_for_body(body, drive.body, states, actions)
+    maps = observation.robot_centred_map(
+        heights, states, pixels, body.map_size, ground.spacing, body
+    )
+    return maps.numpy().astype(np.float16)
+
+
+def _cached_maps(
+    path: Path, drives: Sequence[Drive], pixels: int, body: Body
+) -> Tensor:
+    """Maps (N, T, P, P), float16, in m, from a file that is written if it is missing.
+
+    The maps stay in the file until they are used.
+    """
+    shape = (len(drives), len(drives[0]), pixels, pixels)
+    with locked(path):
+        if not path.exists():
+            write_atomically(path, lambda file: _write_maps(file, shape, drives, body))
+    try:
+        maps = np.load(path, mmap_mode="c", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise ShardError(
+            f"{path}: the maps are damaged ({error}); delete the file to make it anew"
+        ) from None
+    if maps.shape != shape or maps.dtype != np.float16:
+        raise ShardError(
+            f"{path}: maps {maps.shape} where {shape} were expected; "
+            "delete the file to make it anew"
+        )
+    return torch.from_numpy(maps)
+
+
+def _write_maps(
+    file: IO[bytes], shape: tuple[int, ...], drives: Sequence[Drive], body: Body
+) -> None:
+    """Write maps (N, T, P, P), drive by drive; each thread makes those of a drive."""
+    header = {"descr": "<f2", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    with ThreadPoolExecutor() as pool:
+        for start in range(0, len(drives), MAPS_AT_A_TIME):
+            some_drives = drives[start : start + MAPS_AT_A_TIME]
+            for maps in pool.map(
+                lambda drive: drive_maps(drive, shape[-1], body), some_drives
+            ):
+                file.write(maps.data)

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from sidm.learning.arithmetic import flushed_denormals, matmul_precision
+from sidm.learning.checkpoint import Checkpoint
 from sidm.learning.dataset import Datasets
 from sidm.learning.losses import (
     expected_discriminator_loss,
@@ -21,7 +22,6 @@ from sidm.learning.losses import (
 )
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
-from sidm.learning.resuming import Checkpoint
 from sidm.learning.stopping import Components, CurvePoint, TrainingError
 from sidm.learning.trainer import Progress, Trainer
 from sidm.learning.units import Units

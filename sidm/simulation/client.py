@@ -30,16 +30,12 @@ def bullet() -> Any:
 
 
 class Client:
-    """PyBullet's functions with the number of one connection filled in.
-
-    Each client has a connection, and so a simulation, to itself.
-    """
+    """PyBullet's functions with the number of a connection of its own filled in."""
 
     _number: int = -1
     _pybullet: Any = None  # for `close`, where PyBullet is not installed
 
     def __init__(self) -> None:
-        """Open a connection without a window."""
         self._pybullet = bullet()
         self._number = self._pybullet.connect(self._pybullet.DIRECT)
 
@@ -53,8 +49,8 @@ class Client:
     def close(self) -> None:
         """Close the connection; further calls fail.
 
-        A client that nothing refers to is closed too, because PyBullet has room for
-        about a thousand connections.
+        A client that nothing refers to is closed too: PyBullet has room for about a
+        thousand connections.
         """
         # at the interpreter's end PyBullet's functions may be gone already
         if self._number >= 0 and self._pybullet.disconnect is not None:

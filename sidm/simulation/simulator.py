@@ -168,16 +168,9 @@ class Simulator:
         return self.state
 
     def step(self, action: np.ndarray) -> np.ndarray:
-        """Apply an action for one control step.
+        """The state (13,) after a control step with an action (throttle, steering).
 
-        Args:
-            action: (throttle, steering), each clipped to [-1, 1].
-
-        Returns:
-            The state (13,) after the step.
-
-        Raises:
-            ValueError: the action is not two finite numbers.
+        Both are clipped to [-1, 1].
         """
         action = np.asarray(action, float)
         if action.shape != (2,) or not np.isfinite(action).all():
@@ -258,13 +251,6 @@ class Simulator:
         states = self._client.getJointStates(self._body, joints)
         return np.array([joint[0] for joint in states])
 
-    def ray_heights(self, points: np.ndarray) -> np.ndarray:
-        """Heights (N,), m, where vertical rays at points (N, 2), m, meet the ground.
-
-        They are NaN where a ray misses the ground or hits the robot.
-        """
-        return self._ground.ray_heights(points)
-
     def picture(
         self,
         width: int = 640,
@@ -273,19 +259,11 @@ class Simulator:
         yaw: float = 40.0,
         pitch: float = -25.0,
     ) -> np.ndarray:
-        """A picture of the robot, drawn by Bullet's software renderer.
+        """A picture (height, width, 3), uint8, drawn by Bullet's software renderer.
 
-        The ground appears only in a simulator made with `visible=True`.
-
-        Args:
-            width: of the picture, pixels.
-            height: of the picture, pixels.
-            distance: of the camera from the body, m.
-            yaw: of the camera about the vertical, degrees.
-            pitch: of the camera, degrees, negative from above.
-
-        Returns:
-            The picture (height, width, 3), uint8.
+        The ground appears only in a simulator made with `visible=True`. The camera is
+        at a `distance`, m, from the body; its yaw about the vertical and its pitch,
+        negative from above, are in degrees.
         """
         client = self._client
         if self._visible:
