@@ -98,15 +98,8 @@ def height_at(
 ) -> np.ndarray:
     """Heights, m, of the surface that the wheels touch: two triangles in a grid cell.
 
-    Args:
-        heights: (H, W), m, index [y, x], centred on the origin.
-        x: world coordinates, m, of any shape; a point outside the grid has the height
-            of the border.
-        y: world coordinates, m, of the same shape as `x` or broadcasting with it.
-        spacing: distance between grid points, m.
-
-    Returns:
-        Heights of the broadcast shape of `x` and `y`.
+    The grid of heights (H, W), m, index [y, x], is centred on the origin. World
+    coordinates x and y, m, broadcast; outside of the grid the border holds.
     """
     rows, columns = heights.shape
     across = np.clip(np.asarray(x) / spacing + (columns - 1) / 2, 0, columns - 1)

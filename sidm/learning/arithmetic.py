@@ -26,9 +26,6 @@ def one_thread() -> Iterator[None]:
 def matmul_precision(precision: str) -> Iterator[None]:
     """A GPU rounds products to TensorFloat-32 inside the block only with 'tf32'.
 
-    Args:
-        precision: 'tf32'; with any other value products are not rounded.
-
     PyTorch's default is to round convolutions and LSTMs but not matrix products. A CPU
     never rounds to TensorFloat-32.
     """

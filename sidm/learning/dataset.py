@@ -29,19 +29,13 @@ Indices = Tensor | np.ndarray | Sequence[int]
 class Windows:
     """N windows of T steps of one robot, as the networks see them.
 
-    `rows` selects stored windows; None selects all. Rows are copied when they are asked
-    for, so that maps can stay in a file.
-
-    Attributes:
-        stored_inputs: (M, T, X) float32, raw units; X is 11 for the paper's body
-        stored_targets: (M, T, Y) float32, raw units; Y is 13 for the paper's body
-        stored_maps: (M, T, P, P) float16, m; P is 0 for a body without a map
-        rows: (N,) int64, the chosen rows of the stored tensors; None: all, in order
+    Rows are copied when they are asked for, so that maps can stay in a file.
     """
 
-    stored_inputs: Tensor
-    stored_targets: Tensor
-    stored_maps: Tensor
+    stored_inputs: Tensor  # (M, T, X) float32, raw units; X is 11 for the paper's body
+    stored_targets: Tensor  # (M, T, Y) float32, raw units; Y is 13 for the paper's body
+    stored_maps: Tensor  # (M, T, P, P) float16, m; P is 0 for a body without a map
+    #: (N,) int64, the chosen rows of the stored tensors; None: all, in order
     rows: Tensor | None = None
 
     def __len__(self) -> int:
@@ -190,11 +184,7 @@ def states_for_body(
 def encode_windows(
     body: Body, states: Tensor, actions: Tensor, maps: Tensor | None = None
 ) -> Windows:
-    """Motion of one body as the networks see it.
-
-    States are (N, T + 1, S), actions (N, T, A), maps (N, T, P, P), m, None for a body
-    without a map.
-    """
+    """Windows of states (N, T + 1, S), actions (N, T, A) and maps (N, T, P, P), m."""
     inputs = observation.encode_inputs(states[:, :-1], actions, body)
     targets = observation.transition(states[:, :-1], states[:, 1:], body)
     if maps is None:

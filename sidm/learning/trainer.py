@@ -78,15 +78,9 @@ class Hook:
 class Trainer:
     """A model in training: weights, optimisers, batches, counters and the best weights.
 
+    Arguments that are not listed are those of `training.train`.
+
     Args:
-        datasets: the data to learn from and to test on.
-        network: sizes of the networks.
-        training: settings of the training.
-        seed: of weights and batches.
-        standardisation: units inside the networks, one for all systems or one for each;
-            by default those of `default_units`.
-        device: the device to compute on.
-        start: initial weights by name; drawn at random by default.
         roles: the systems that the model has; by default the novice, and the expert
             where its data are needed.
         model: class of the model.

@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from sidm import rotations
@@ -53,14 +51,13 @@ def test_transitions_are_scipys():
     assert np.allclose(y[:, 3:7], (first.inv() * second).as_quat(canonical=True))
 
 
-@given(st.integers(0, 10_000), st.floats(0.1, 100), st.floats(0.1, 10))
-def test_integrating_a_transition_gives_the_next_state(seed, spread, scale):
+def test_integrating_a_transition_gives_the_next_state():
     """The length of a predicted quaternion does not matter."""
-    before, after = random_states(4, seed, spread), random_states(4, seed + 1, spread)
+    before, after = random_states(50, 1, 10.0), random_states(50, 2, 10.0)
     step = transition(before, after)
-    step[:, 3:7] *= scale
+    step[:, 3:7] *= 0.3
     end = integrate(before, step)
-    assert torch.allclose(end[:, :3], after[:, :3], atol=1e-9 * spread)
+    assert torch.allclose(end[:, :3], after[:, :3], atol=1e-8)
     turns = (rotations.canonical(states[:, 3:7]) for states in (end, after))
     assert torch.allclose(*turns, atol=1e-9)
     assert torch.equal(end[:, 7:], after[:, 7:])
