@@ -68,10 +68,7 @@ def no_such_file(path: str | Path) -> str:
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:
-    """A value of an annotated type: an int may be a float, a list a tuple.
-
-    A value of another type raises a ConfigError that names the parameter.
-    """
+    """A value of a type (an int may be a float, a list a tuple), or ConfigError."""
     if kind is Any or type(value) is kind:
         return value
     origin, arguments = _parts(kind)
@@ -118,10 +115,7 @@ def _parts(kind: Any) -> tuple[Any, tuple]:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 def config(cls: type[T]) -> type[T]:
-    """Make a class a frozen, keyword-only dataclass that checks names and types.
-
-    The constructor raises ConfigError for an unknown name or a wrong type.
-    """
+    """A frozen, keyword-only dataclass that refuses unknown names and wrong types."""
     made = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain: Callable[..., None] = made.__init__
 
@@ -190,10 +184,7 @@ def replace(settings: T, **changes: Any) -> T:
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
-    """An instance of a `config` class from a mapping, as a YAML file gives it.
-
-    Mappings inside the mapping become instances of the nested `config` classes.
-    """
+    """A `config` class from a mapping, as YAML gives it; nested classes likewise."""
     nested = _nested(cls)  # type: ignore[arg-type]
     ready = {
         name: from_mapping(nested[name], value)
@@ -205,10 +196,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
-    """The mapping from which `from_mapping` makes the same configuration.
-
-    It is that of `dataclasses.asdict` without copies, which frozen values do not need.
-    """
+    """What `dataclasses.asdict` gives, without copies; `from_mapping` reads it."""
     cls: Any = type(settings)
     values = {name: getattr(settings, name) for name in _kinds(cls)}
     for name in _nested(cls):

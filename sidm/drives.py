@@ -41,28 +41,19 @@ SAME_HEIGHT = 1e-6  # m; the same ground differs by about 1e-14 between processo
 
 
 def upright(states: Any) -> Any:
-    """Cosine (...) of the tilt of states (..., 13); below 0 the robot is upside down.
-
-    States are arrays or tensors.
-    """
+    """Cosine (...) of the tilt of states (..., 13), NumPy's or PyTorch's."""
     x, y = states[..., QUATERNION][..., 0], states[..., QUATERNION][..., 1]
     return 1 - 2 * (x * x + y * y)
 
 
 def yaw_of(quaternions: np.ndarray) -> np.ndarray:
-    """Headings (...), rad in (-pi, pi], of quaternions (..., 4).
-
-    `sidm.rotations.yaw` computes the same of tensors.
-    """
+    """Headings (...), rad in (-pi, pi], of quaternions (..., 4), arrays."""
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
 
 
 def tilt_of(quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pitch and roll, rad, each (...), of quaternions (..., 4).
-
-    Pitch is positive with the nose down, roll with the right side down.
-    """
+    """Pitch (nose down) and roll (right side down), rad, of quaternions (..., 4)."""
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
     return pitch, np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))

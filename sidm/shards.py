@@ -119,10 +119,7 @@ def trajectories_for(minutes: float) -> int:
 
 @config
 class Collection:
-    """A named, endless sequence of trajectories.
-
-    Trajectory i is a pure function of these values and of i.
-    """
+    """An endless sequence: trajectory i is a pure function of these values and i."""
 
     system: str  # name of the pair of robots, as in `systems.find_system`
     role: str  # 'novice' or 'expert'

@@ -52,10 +52,7 @@ def perlin(
 def cell_heights(
     terrain: Terrain, x: np.ndarray, y: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Heights (H, W), m, of the Voronoi cells of the grid points (x[j], y[i]).
-
-    All points near the origin are in one cell.
-    """
+    """Heights (H, W), m, of the Voronoi cells of (x[j], y[i]); one at the start."""
     half = terrain.half_width
     count = round(terrain.cells_per_area * (2 * half) ** 2)
     centres = rng.uniform(-half, half, (count, 2))

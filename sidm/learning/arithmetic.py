@@ -10,10 +10,7 @@ import torch
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """PyTorch computes on one thread inside the block.
-
-    Results are equal bit for bit only at the same number of threads.
-    """
+    """PyTorch computes on one thread: results are equal bit for bit only then."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -35,10 +35,7 @@ MAX_INTERVAL = 60.0  # s between two checkpoints, however long it takes to write
 
 
 class CheckpointError(DataError):
-    """A checkpoint that is damaged or belongs to another run.
-
-    The message is one line that names the file and says what to do.
-    """
+    """A checkpoint that is damaged or of another run; one line with a remedy."""
 
 
 class Checkpoint:
@@ -84,10 +81,7 @@ class Checkpoint:
 def write(
     folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]
 ) -> None:
-    """Write the checkpoint of `folder`, tensors and values of plain JSON types.
-
-    It replaces the previous one.
-    """
+    """Write tensors and values of plain JSON types as the checkpoint of `folder`."""
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
     arrays[TEXT] = np.frombuffer(json.dumps(values).encode(), np.uint8)
     write_arrays(Path(folder) / FILE, arrays)

@@ -73,7 +73,8 @@ class Windows:
     def subset(self, indices: Indices) -> Windows:
         """The windows at `indices`, not copied."""
         chosen = torch.as_tensor(indices, dtype=torch.long)
-        return replace(self, rows=self.row_indices[chosen])
+        rows = chosen if self.rows is None else self.rows[chosen]
+        return replace(self, rows=rows)
 
     def first(self, count: int) -> Windows:
         """The first `count` windows, or all where there are fewer, not copied."""
@@ -212,10 +213,7 @@ def drive_maps(drive: Drive, pixels: int, body: Body) -> np.ndarray:
 def _cached_maps(
     path: Path, drives: Sequence[Drive], pixels: int, body: Body
 ) -> Tensor:
-    """Maps (N, T, P, P), float16, in m, from a file that is written if it is missing.
-
-    The maps stay in the file until they are used.
-    """
+    """Maps (N, T, P, P), float16, m, in a file, which is written if it is missing."""
     shape = (len(drives), len(drives[0]), pixels, pixels)
     with locked(path):
         if not path.exists():

@@ -17,6 +17,7 @@ from sidm.learning.observation import (
     encode_inputs,
     heading_of,
     integrate,
+    require_shape,
     robot_centred_map,
 )
 
@@ -105,7 +106,11 @@ def rollout(
     terrains = None if heights is None else torch.as_tensor(heights)
     if single and terrains is not None:
         terrains = terrains[None]
-    _require_rollout_shapes(terrains, state, actions, body)
+    require_shape(state, ("B", len(body.state)), "state")
+    require_shape(actions, (len(state), "K", len(body.actions)), "actions")
+    if body.map_size:
+        grids = torch.empty(0) if terrains is None else terrains
+        require_shape(grids, (len(state), "H", "W"), "heights")
     device, pixels = model.device, body.pixels(pixels)
     states = [state.double()]
     maps = torch.zeros(len(state), 0, 0).half()  # of a body without a map
@@ -123,27 +128,6 @@ def rollout(
     return path[0] if single else path
 
 
-def _require_rollout_shapes(
-    terrains: Tensor | None, state: Tensor, actions: Tensor, body: Body
-) -> None:
-    """Raise a ValueError with all shapes unless they fit each other and the body."""
-    sizes = len(body.state), len(body.actions)
-    expected = f"state (B, {sizes[0]}) and actions (B, K, {sizes[1]}) of one B"
-    tensors, dimensions = [state, actions], [2, 3]
-    if body.map_size:
-        expected = f"heights (B, H, W), {expected}"
-        tensors = tensors if terrains is None else [terrains, *tensors]
-        dimensions = [3, *dimensions]
-    fits = (
-        [tensor.ndim for tensor in tensors] == dimensions
-        and (state.shape[-1], actions.shape[-1]) == sizes
-        and len({len(tensor) for tensor in tensors}) == 1
-    )
-    if not fits:
-        *first, last = (str(tuple(tensor.shape)) for tensor in tensors)
-        raise ValueError(f"{expected}, not {', '.join(first)} and {last}")
-
-
 def rollout_errors(
     predicted: Tensor, actual: Tensor, body: Body = ROVER
 ) -> tuple[Tensor, Tensor]:
@@ -152,12 +136,8 @@ def rollout_errors(
     Distances between positions, m, and absolute differences of headings, rad in
     [0, pi], each (..., K), without the start. The body has a pose.
     """
-    shape, size = predicted.shape, len(body.state)
-    if shape != actual.shape or len(shape) < 2 or shape[-1] != size:
-        raise ValueError(
-            f"predicted and actual states (..., K + 1, {size}), "
-            f"not {tuple(shape)} and {tuple(actual.shape)}"
-        )
+    require_shape(predicted, ("...", "K + 1", len(body.state)), "predicted")
+    require_shape(actual, predicted.shape, "actual")
     predicted, actual = predicted[..., 1:, :].double(), actual[..., 1:, :].double()
     axes = slice(0, 2 if body.pose == "planar" else 3)
     distance = (predicted[..., axes] - actual[..., axes]).norm(dim=-1)

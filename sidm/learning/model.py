@@ -21,10 +21,7 @@ OWN = {"none": (), "biases": ("bias",), "flag": ("dense.0.bias",)}
 
 
 class Predictor(nn.Module):
-    """A model of the transitions of one or more systems.
-
-    It is called as model(role, inputs, maps, memory).
-    """
+    """A model of the transitions of systems: model(role, inputs, maps, memory)."""
 
     @property
     def device(self) -> torch.device:
@@ -32,10 +29,7 @@ class Predictor(nn.Module):
         return next(self.parameters()).device
 
     def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of a system's components in equation (1).
-
-        None means that all are 1, as for the paper's body.
-        """
+        """Weights (Y,) of a system's components in equation (1); None: all are 1."""
         return None
 
 

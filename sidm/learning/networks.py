@@ -102,10 +102,7 @@ class Encoder(nn.Module):
 
 
 class SIDM(nn.Module):
-    """System invariant dynamics model: latent state-actions to latent transitions.
-
-    An LSTM sees the steps of a trajectory in order.
-    """
+    """System invariant dynamics model: an LSTM on latents, step by step."""
 
     def __init__(self, network: Network):
         super().__init__()
@@ -188,10 +185,7 @@ class Discriminator(nn.Module):
 
 
 def seeded(seed: int, part: str, build: Callable[[], M]) -> M:
-    """Build a module whose initial weights depend on `seed` and `part` alone.
-
-    The global random generator is left as it was.
-    """
+    """Build a module with weights that depend on `seed` and `part` alone."""
     with torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(derive(seed, part))
         return build()

@@ -50,10 +50,7 @@ def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor
 
 
 def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tensor:
-    """The output y (..., Y), raw units: from states (..., S) to the next (..., S).
-
-    A quaternion has w >= 0.
-    """
+    """The output y (..., Y), raw units: from states (..., S) to the next ones."""
     require_shape(states, ("...", len(body.state)), "states")
     require_shape(next_states, ("...", len(body.state)), "next_states")
     columns = next_states[..., body.pose_size :]
@@ -72,10 +69,7 @@ def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tenso
 
 
 def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor:
-    """The states (..., S) that transitions (..., Y), raw units, lead to.
-
-    It is the inverse of `transition`; quaternions have length 1.
-    """
+    """The states (..., S) that transitions (..., Y) lead to; unit quaternions."""
     require_shape(states, ("...", len(body.state)), "states")
     require_shape(transitions, ("...", len(body.targets)), "transitions")
     columns = transitions[..., body.pose_size :]
@@ -161,23 +155,11 @@ def robot_centred_map(
         Maps (..., P, P), m, in the wider of the two types. Axis -2 runs along the
         body's y (to the left), axis -1 along its x (forward); the centre of pixel i is
         at ((i + 0.5) / P - 0.5) * size.
-
-    Raises:
-        ValueError: shapes that do not fit each other.
     """
     heights, states = torch.as_tensor(heights), torch.as_tensor(states)
-    several, size_of_state = heights.ndim == 3, len(body.state)
-    if (
-        heights.ndim not in (2, 3)
-        or states.ndim < 1 + several
-        or states.shape[-1] != size_of_state
-        or (several and len(heights) != len(states))
-    ):
-        raise ValueError(
-            f"heights (H, W) with states (..., {size_of_state}), "
-            f"or heights (N, H, W) with states (N, ..., {size_of_state}) of one N, "
-            f"not heights {tuple(heights.shape)} with states {tuple(states.shape)}"
-        )
+    require_shape(states, ("...", len(body.state)), "states")
+    several = (len(states),) if heights.ndim == 3 else ()
+    require_shape(heights, (*several, "H", "W"), "heights")
     dtype = torch.promote_types(heights.dtype, states.dtype)
     heights, states = heights.to(dtype), states.to(dtype)
     indices = torch.arange(pixels, dtype=states.dtype, device=states.device)
@@ -224,10 +206,7 @@ def surface(heights: Tensor, x: Tensor, y: Tensor, spacing: float = 0.1) -> Tens
 
 
 def _ground(heights: Tensor, x: Tensor, y: Tensor, spacing: float) -> Tensor:
-    """Heights of the ground at `x`, `y`, in their shape.
-
-    Terrains are (N, H, W) with points (N, ...), or a terrain (H, W) with points (...).
-    """
+    """Heights of (N, H, W) or (H, W) at `x`, `y`, (N, ...) or (...), in their shape."""
     grids = heights if heights.ndim == 3 else heights[None]
     points = x.reshape(len(grids), -1), y.reshape(len(grids), -1)
     return surface(grids, *points, spacing).reshape(x.shape)

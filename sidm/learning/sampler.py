@@ -125,10 +125,7 @@ class Sampler:
         return ("expert",) if self.discriminated_systems(1) else ("novice",)
 
     def discriminated_systems(self, iterations: int) -> Tensor:
-        """Whether each discriminator's batch of one system is the expert's.
-
-        (iterations,) bool, for `discriminator_draw` 'one'.
-        """
+        """Whether batches of the discriminator with one system are the expert's."""
         source = self.generators[DISCRIMINATOR_SYSTEM]
         return torch.rand(iterations, generator=source) < 0.5
 

@@ -58,10 +58,7 @@ COMPONENT_SPACING = 1.12
 
 
 class Components(NamedTuple):
-    """The loss by component at a point of the learning curve.
-
-    It is measured on the first windows of each set.
-    """
+    """The loss by component at a test, on the first windows of each set."""
 
     samples: int  # control steps of the prediction phases so far
     test: tuple[float, ...]  # (Y,), terms of equation (1) on the novice's test split

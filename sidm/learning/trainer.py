@@ -33,10 +33,7 @@ Progress = Callable[[CurvePoint], None]  # called after each test
 
 
 class Hook:
-    """An addition of a study to training; its methods do nothing by default.
-
-    `Training.hooks` gives the hooks of a training.
-    """
+    """An addition of a study to training, of `Training.hooks`; by default nothing."""
 
     def sampler(
         self, datasets: Datasets, training: Training, seed: int, device: torch.device

@@ -99,10 +99,7 @@ def role_units(units: Units, role: str) -> Standardisation:
 
 
 def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (K,), float32, of the rows of all `parts` (., K).
-
-    The standard deviation of a constant component is 0.
-    """
+    """Mean and deviation (K,), float32, of all rows (., K); 0 of a constant."""
     count, total, squares = 0, torch.zeros(()), torch.zeros(())
     for part in parts:
         rows = part.double()

@@ -10,10 +10,7 @@ from typing import Any
 
 @functools.cache
 def bullet() -> Any:
-    """The module PyBullet, imported without the line that it prints.
-
-    PyBullet writes that line to standard error in every process and notebook.
-    """
+    """The module PyBullet, imported without the line that it prints to stderr."""
     stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)
     try:

@@ -139,10 +139,7 @@ class Rover(gymnasium.Env):
         return observation, 0.0, terminated, truncated, {"state": state, "ended": cause}
 
     def render(self) -> np.ndarray | None:
-        """A picture (480, 640, 3), uint8, from a camera that follows the robot.
-
-        Without a render mode there is no picture: None.
-        """
+        """A picture (480, 640, 3), uint8, of the robot; None without a render mode."""
         return self.simulator.picture() if self.render_mode else None
 
     def close(self) -> None:

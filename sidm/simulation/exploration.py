@@ -31,10 +31,7 @@ def ornstein_uhlenbeck(steps: int, rng: np.random.Generator) -> np.ndarray:
 def _filtered_walk(
     shocks: list[float], mean: float, pull: float, keep: float
 ) -> list[float]:
-    """Values after each step of a random walk, low-pass filtered and within [-1, 1].
-
-    A step pulls the walk towards its mean and adds a shock.
-    """
+    """A random walk with a pull to its mean, low-pass filtered, within [-1, 1]."""
     walk = smooth = 0.0
     outputs = []
     for shock in shocks:

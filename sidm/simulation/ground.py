@@ -59,10 +59,7 @@ class HeightField:
         )
 
     def _draw(self) -> None:
-        """Add a second body that is drawn but touches nothing.
-
-        Bullet would draw the first body with the heights that it was built with.
-        """
+        """Add a body that is drawn: Bullet would draw the first one's first heights."""
         client = self._client
         # Bullet puts the middle of the heights' range at the body's origin
         middle = (self.heights.max() + self.heights.min()) / 2

@@ -24,10 +24,7 @@ REACH = (-0.06, 0.02)  # m, strut travel; beyond it the linkage passes a dead po
 
 
 class Pose(NamedTuple):
-    """Pose of an axle relative to its pose with both struts at zero.
-
-    The axle is rotated first, then shifted.
-    """
+    """Rotation, then shift, of an axle from its pose with both struts at zero."""
 
     rotation: np.ndarray  # (3, 3)
     shift: np.ndarray  # (3,), m

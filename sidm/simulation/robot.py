@@ -148,10 +148,7 @@ def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints) -> list[str]:
 
 
 def urdf(robot: Robot, suspensions: Mapping[str, Suspension]) -> str:
-    """The robot as URDF text, from the suspensions of its 'rear' and 'front' axle.
-
-    HEAVES, ROLLS, WHEELS and KINGPINS are the names of its joints.
-    """
+    """The robot as URDF text, with joints HEAVES, ROLLS, WHEELS and KINGPINS."""
     size = _numbers(sizes.CHASSIS_SIZE)
     box = f'rpy="0 0 0"/><geometry><box size="{size}"/></geometry>'
     mass, inertia = sizes.CHASSIS_MASS, sizes.CHASSIS_INERTIA

@@ -31,10 +31,7 @@ STOP_BLEND = 0.004
 
 
 class Brake(NamedTuple):
-    """The motion of a braked axle, beside its spring and damper.
-
-    Stiffness and dampings are multiplied by the robot's mass scale.
-    """
+    """The motion of a braked axle; stiffness and damping times the mass scale."""
 
     #: share of the spring's and damper's force that acts in heave; 0: no heave at all
     heave_share: float
