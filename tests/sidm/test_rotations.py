@@ -26,7 +26,7 @@ def test_turns_products_and_headings_are_scipys(rng):
 
 def test_headings_are_wrapped_and_come_back(rng):
     angle = torch.from_numpy(rng.uniform(-20, 20, 50))
-    theirs = Rotation.from_euler("z", angle.numpy())
+    theirs = Rotation.from_euler("z", angle[:, None].numpy())
     assert np.allclose(
         R.rotate(R.from_yaw(angle), torch.ones(3).double()), theirs.apply([1, 1, 1])
     )
