@@ -68,7 +68,7 @@ class Windows:
     def take(self, indices: Indices) -> Windows:
         """The windows at `indices`, copied."""
         part = self.subset(indices)
-        return Windows(part.inputs, part.targets, part.maps)
+        return Windows(*map(part._chosen, self._stored))
 
     def subset(self, indices: Indices) -> Windows:
         """The windows at `indices`, not copied."""
@@ -78,17 +78,25 @@ class Windows:
 
     def first(self, count: int) -> Windows:
         """The first `count` windows, or all where there are fewer, not copied."""
-        return self.subset(range(min(count, len(self))))
+        if self.rows is not None:
+            return replace(self, rows=self.rows[:count])
+        return Windows(*(stored[:count] for stored in self._stored))
 
     def split(self, size: int) -> Iterator[Windows]:
-        """All windows in order, copied in parts of at most `size` windows."""
-        return (self.take(part) for part in torch.arange(len(self)).split(size))
+        """All windows in order, in parts of at most `size`; chosen rows are copied."""
+        if self.rows is not None:
+            return (self.take(part) for part in torch.arange(len(self)).split(size))
+        parts = zip(*(stored.split(size) for stored in self._stored), strict=True)
+        return (Windows(*part) for part in parts)
 
     def to(self, device: torch.device | str) -> Windows:
         """A copy on a device."""
-        return Windows(
-            *(one.to(device) for one in (self.inputs, self.targets, self.maps))
-        )
+        return Windows(*(self._chosen(stored).to(device) for stored in self._stored))
+
+    @property
+    def _stored(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Inputs, targets and maps of all rows."""
+        return self.stored_inputs, self.stored_targets, self.stored_maps
 
     def _chosen(self, stored: Tensor) -> Tensor:
         """The chosen rows of a stored tensor."""
