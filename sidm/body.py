@@ -45,8 +45,6 @@ UNITS = {
 
 
 class _SIUnits(dict[str, str]):
-    """Unit -> SI unit; a unit that is not known stays as it is."""
-
     def __missing__(self, unit: str) -> str:
         return unit
 
@@ -72,10 +70,7 @@ def kind_of(unit: str) -> str:
 
 
 def units_like(unit: str) -> dict[str, float]:
-    """Units of the same kind and their sizes in the SI unit.
-
-    A unit that is not known has a kind of its own.
-    """
+    """Units of the same kind and their sizes in the SI unit; unknown ones are alone."""
     return UNITS.get(kind_of(unit), {unit: 1.0})
 
 
@@ -127,9 +122,6 @@ class Body:
             variance in the validation set
         resolution: names of components of y and the smallest change that the sensor of
             each resolves, in SI units; others have that of their kind in `RESOLUTIONS`
-
-    Raises:
-        ConfigError: an unknown name, a wrong type, or an unknown unit.
 
     Examples:
         >>> cart = sidm.Body(
@@ -189,16 +181,6 @@ class Body:
             return "a height map needs a pose"
         if not self.rate > 0:
             return f"rate must be positive, not {self.rate:g} Hz"
-        return self._fault_of_resolution()
-
-    @property
-    def unknown_units(self) -> dict[str, str]:
-        """Name of each column with a unit that is not in `UNITS` -> that unit."""
-        columns = (*self.columns, *self.actions)
-        return {name: unit for name, unit in columns if unit not in SI}
-
-    def _fault_of_resolution(self) -> str:
-        """The first fault of the resolutions; an empty text when there is none."""
         given = [name for name, _ in self.resolution]
         for name, value in self.resolution:
             if name not in self.targets:
@@ -211,6 +193,12 @@ class Body:
                     f"not {value:g}"
                 )
         return ""
+
+    @property
+    def unknown_units(self) -> dict[str, str]:
+        """Name of each column with a unit that is not in `UNITS` -> that unit."""
+        columns = (*self.columns, *self.actions)
+        return {name: unit for name, unit in columns if unit not in SI}
 
     @property
     def state(self) -> Columns:
@@ -237,9 +225,10 @@ class Body:
     def resolutions(self) -> tuple[float, ...]:
         """The smallest change (Y,) that is measured in each component, in SI units."""
         given = dict(self.resolution)
-        defaults = [RESOLUTIONS.get(kind_of(unit), 0.0) for _, unit in self.changes]
-        pairs = zip(self.targets, defaults, strict=True)
-        return tuple(given.get(name, default) for name, default in pairs)
+        return tuple(
+            given.get(name, RESOLUTIONS.get(kind_of(unit), 0.0))
+            for name, unit in self.changes
+        )
 
     @property
     def pose_size(self) -> int:
@@ -247,11 +236,7 @@ class Body:
         return len(POSES[self.pose])
 
     def pixels(self, default: int) -> int:
-        """Pixels along a side of the height map; 0 without a map.
-
-        Args:
-            default: the network's pixels, for a body that does not set its own.
-        """
+        """Pixels along a side of the height map, by default the network's."""
         return (self.map_pixels or default) if self.map_size else 0
 
 

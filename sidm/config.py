@@ -53,11 +53,7 @@ def hint(name: str, known: Iterable[str]) -> str:
 def unknown_name(
     name: str, known: Iterable[str], where: str = "", kind: str = "name"
 ) -> ConfigError:
-    """The error for a name that is not known.
-
-    `where` is the place whose names they are, if it is not plain; `kind` is what the
-    name is of, as 'method'.
-    """
+    """The error for a name of a `kind`, as 'method', not known at the place `where`."""
     place = f" in {where}" if where else ""
     return ConfigError(f"unknown {kind} {name!r}{place}; {hint(name, known)}")
 
@@ -65,19 +61,14 @@ def unknown_name(
 def no_such_file(path: str | Path) -> str:
     """A text for a path that is not there, with the nearest name beside it."""
     path = Path(path)
-    beside = []
-    if path.parent.is_dir():
-        beside = [str(path.parent / entry.name) for entry in path.parent.iterdir()]
+    beside = [*map(str, path.parent.iterdir())] if path.parent.is_dir() else []
     near = difflib.get_close_matches(str(path), beside, n=1, cutoff=0.8)
     question = f"; did you mean '{near[0]}'?" if near else ""
     return f"{path}: there is no such file{question}"
 
 
 def conform(value: Any, kind: Any, name: str) -> Any:
-    """A value of an annotated type: an int may be a float, a list a tuple.
-
-    A value of another type raises a ConfigError that names the parameter.
-    """
+    """A value of a type (an int may be a float, a list a tuple), or ConfigError."""
     if kind is Any or type(value) is kind:
         return value
     origin, arguments = _parts(kind)
@@ -91,31 +82,24 @@ def conform(value: Any, kind: Any, name: str) -> Any:
         options = ", ".join(map(repr, arguments))
         near = hint(str(value), map(str, arguments))
         raise ConfigError(f"'{name}' must be one of {options}, not {value!r}; {near}")
-    elif origin is tuple:
-        if isinstance(value, (list, tuple)):
-            any_length = len(arguments) == 2 and arguments[1] is Ellipsis
-            # curves are long: what needs no conversion is not looked at one by one
-            if any_length and set(map(type, value)) <= {arguments[0]}:
-                return tuple(value)
-            kinds = arguments[:1] * len(value) if any_length else arguments
-            if len(kinds) == len(value):
-                return tuple(map(conform, value, kinds, [name] * len(value)))
-    elif origin is list:
-        if isinstance(value, (list, tuple)):
-            return [conform(item, arguments[0], name) for item in value]
-    elif origin is dict:
-        if isinstance(value, dict):
-            of_key, of_item = arguments
-            return {
-                conform(key, of_key, name): conform(item, of_item, name)
-                for key, item in value.items()
-            }
-    elif kind is float:
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            return float(value)
-    elif kind is int:
-        if isinstance(value, int) and not isinstance(value, bool):
-            return value
+    elif origin in (tuple, list) and isinstance(value, (list, tuple)):
+        any_length = origin is list or arguments[1:] == (Ellipsis,)
+        # curves are long: what needs no conversion is not looked at one by one
+        if any_length and set(map(type, value)) <= {arguments[0]}:
+            return origin(value)
+        kinds = arguments[:1] * len(value) if any_length else arguments
+        if len(kinds) == len(value):
+            return origin(map(conform, value, kinds, [name] * len(value)))
+    elif origin is dict and isinstance(value, dict):
+        of_key, of_item = arguments
+        return {
+            conform(key, of_key, name): conform(item, of_item, name)
+            for key, item in value.items()
+        }
+    elif kind in (float, int):
+        numbers = (int, float) if kind is float else int
+        if isinstance(value, numbers) and not isinstance(value, bool):
+            return kind(value)
     elif isinstance(kind, type) and isinstance(value, kind):
         return value
     wanted = kind.__name__ if isinstance(kind, type) else str(kind)
@@ -131,10 +115,7 @@ def _parts(kind: Any) -> tuple[Any, tuple]:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 def config(cls: type[T]) -> type[T]:
-    """Make a class a frozen, keyword-only dataclass that checks names and types.
-
-    The constructor raises ConfigError for an unknown name or a wrong type.
-    """
+    """A frozen, keyword-only dataclass that refuses unknown names and wrong types."""
     made = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     plain: Callable[..., None] = made.__init__
 
@@ -203,10 +184,7 @@ def replace(settings: T, **changes: Any) -> T:
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
-    """An instance of a `config` class from a mapping, as a YAML file gives it.
-
-    Mappings inside the mapping become instances of the nested `config` classes.
-    """
+    """A `config` class from a mapping, as YAML gives it; nested classes likewise."""
     nested = _nested(cls)  # type: ignore[arg-type]
     ready = {
         name: from_mapping(nested[name], value)
@@ -218,10 +196,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
-    """The mapping from which `from_mapping` makes the same configuration.
-
-    It is that of `dataclasses.asdict` without copies, which frozen values do not need.
-    """
+    """What `dataclasses.asdict` gives, without copies; `from_mapping` reads it."""
     cls: Any = type(settings)
     values = {name: getattr(settings, name) for name in _kinds(cls)}
     for name in _nested(cls):

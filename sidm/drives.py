@@ -41,28 +41,19 @@ SAME_HEIGHT = 1e-6  # m; the same ground differs by about 1e-14 between processo
 
 
 def upright(states: Any) -> Any:
-    """Cosine (...) of the tilt of states (..., 13); below 0 the robot is upside down.
-
-    States are arrays or tensors.
-    """
+    """Cosine (...) of the tilt of states (..., 13), NumPy's or PyTorch's."""
     x, y = states[..., QUATERNION][..., 0], states[..., QUATERNION][..., 1]
     return 1 - 2 * (x * x + y * y)
 
 
 def yaw_of(quaternions: np.ndarray) -> np.ndarray:
-    """Headings (...), rad in (-pi, pi], of quaternions (..., 4).
-
-    `sidm.rotations.yaw` computes the same of tensors.
-    """
+    """Headings (...), rad in (-pi, pi], of quaternions (..., 4), arrays."""
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
 
 
 def tilt_of(quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pitch and roll, rad, each (...), of quaternions (..., 4).
-
-    Pitch is positive with the nose down, roll with the right side down.
-    """
+    """Pitch (nose down) and roll (right side down), rad, of quaternions (..., 4)."""
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
     return pitch, np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
@@ -92,29 +83,18 @@ class GroundError(DataError):
 
 
 class SimulatedGround(NamedTuple):
-    """Generated ground, kept as its seed; its heights are generated at each access.
+    """Generated ground, kept as its seed; its heights are generated at each access."""
 
-    Attributes:
-        terrain: the kind of ground
-        seed: `generate_terrain(terrain, seed)` returns its heights
-        checksum: checksum of the heights' bits where the robot was simulated; it is
-            part of the digest of a dataset
-        probe: (8,), m, some heights of the ground; with them another machine checks
-            that it generates the same ground
-    """
-
-    terrain: Terrain
-    seed: int
+    terrain: Terrain  # the kind of ground
+    seed: int  # `generate_terrain(terrain, seed)` returns its heights
+    #: of the heights' bits where the robot was simulated; in the digest of a dataset
     checksum: str
+    #: (8,), m, heights by which another machine checks that it generates this ground
     probe: np.ndarray
 
     @property
     def heights(self) -> np.ndarray:
-        """Heights (H, W), m, index [y, x].
-
-        Raises:
-            GroundError: this machine generates another ground than the simulator had.
-        """
+        """Heights (H, W), m, index [y, x]; GroundError if they are not as they were."""
         from sidm.terrain import generate_terrain  # which imports SciPy
 
         heights = generate_terrain(self.terrain, self.seed)
@@ -163,9 +143,6 @@ class Drive:
         index: number of the drive within a simulated collection
         discarded: simulated attempts that were thrown away before this drive, a number
             for each cause
-
-    Raises:
-        ValueError: states or actions do not have the body's shape.
 
     Examples:
         >>> states, actions = np.zeros((11, 13)), np.zeros((10, 2))

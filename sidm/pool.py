@@ -21,10 +21,7 @@ from sidm.config import ConfigError
 
 @contextlib.contextmanager
 def local_pool(workers: int) -> Iterator[Executor]:
-    """An executor for a `with` block: new processes, or this one for one worker.
-
-    Wait for its futures with `as_completed` of this module.
-    """
+    """An executor for a `with` block: new processes, or this one for one worker."""
     if workers > 1:
         with process_pool(workers) as pool:
             yield pool
@@ -34,10 +31,7 @@ def local_pool(workers: int) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def process_pool(workers: int) -> Iterator[Executor]:
-    """A pool of new processes (spawn) for a `with` block.
-
-    An error or Ctrl-C in the block ends the processes at once.
-    """
+    """New processes (spawn) for a block; an error or Ctrl-C in it ends them at once."""
     _refuse_script_without_guard()
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(
@@ -54,10 +48,7 @@ def process_pool(workers: int) -> Iterator[Executor]:
 
 
 def as_completed(futures: Iterable[Future]) -> Iterator[Future]:
-    """The futures of one executor, each as soon as it is done.
-
-    Calls that run in this process run one after the other, each when its turn comes.
-    """
+    """Futures as they are done; calls in this process run when their turn comes."""
     futures = list(futures)
     if all(isinstance(future, _Call) for future in futures):
         for future in futures:
@@ -82,20 +73,16 @@ class _Call(Future):
         self._call = call
 
     def result(self, timeout: float | None = None) -> Any:
-        self._run()
+        self.exception()
         return super().result(timeout)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
-        self._run()
+        if not self.done():
+            try:
+                self.set_result(self._call())
+            except Exception as error:
+                self.set_exception(error)
         return super().exception(timeout)
-
-    def _run(self) -> None:
-        if self.done():
-            return
-        try:
-            self.set_result(self._call())
-        except Exception as error:
-            self.set_exception(error)
 
 
 def _end_with_parent() -> None:

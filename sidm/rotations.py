@@ -25,10 +25,7 @@ def conjugate(q: Tensor) -> Tensor:
 
 
 def normalise(q: Tensor) -> Tensor:
-    """Quaternions `q` (..., 4) scaled to unit length.
-
-    The zero quaternion stands for no rotation; it becomes the identity.
-    """
+    """Quaternions `q` (..., 4) of unit length; zero becomes the identity."""
     length = q.norm(dim=-1, keepdim=True)
     identity = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=q.dtype, device=q.device)
     unit = q / length.clamp_min(torch.finfo(q.dtype).tiny)
@@ -53,10 +50,7 @@ def rotate_inverse(q: Tensor, v: Tensor) -> Tensor:
 
 
 def yaw(q: Tensor) -> Tensor:
-    """Headings (...), rad in (-pi, pi], of quaternions `q` (..., 4).
-
-    A heading is the direction of the body's x axis, seen from above.
-    """
+    """Headings (...), rad in (-pi, pi], of the x axes of quaternions `q` (..., 4)."""
     x, y, z, w = q.unbind(-1)
     return torch.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
 

@@ -40,9 +40,6 @@ class Network:
         novice_body: body of the novice, which defines its X and Y; None: the paper's
         expert_body: body of the expert; None: the paper's
 
-    Raises:
-        ConfigError: an unknown name, a wrong type, or sizes that make no network.
-
     Examples:
         >>> sidm.Network(pixels=64, hidden=512).layers
         3
@@ -155,9 +152,6 @@ class Training:
         precision: arithmetic; 'tf32': of all products, on a GPU; 'bfloat16': of the
             encoders, except in tests
 
-    Raises:
-        ConfigError: an unknown name, a wrong type, or values that no run can have.
-
     Examples:
         >>> sidm.Training(p_expert=0.5, max_samples=300_000).matching_iterations
         20
@@ -219,11 +213,7 @@ class Training:
         return self.p_expert > 0 or self.regularise
 
     def check_body(self, body: Body) -> None:
-        """Check that every setting has a meaning for a robot's body.
-
-        Raises:
-            ConfigError: one line that names the first setting that has none.
-        """
+        """Raise ConfigError for the first setting without a meaning for a body."""
         if body != ROVER and self.reduction == "mean":
             raise ConfigError(
                 "Training.reduction='mean' is the released code's for its 13 numbers, "

@@ -33,6 +33,8 @@ TYPES: dict[str, Any] = {
     "terrain_checksum": "U16",
     "discarded": np.int64,
 }
+#: Arrays of a shard that describe the ground, in the order of `SimulatedGround`.
+GROUND = ("terrain_seed", "terrain_checksum", "terrain_probe")
 
 
 class ShardError(DataError):
@@ -62,14 +64,12 @@ def write_shard(path: Path, drives: Sequence[Drive]) -> None:
     """Write simulated drives of equal length as one immutable .npz file."""
     grounds = [simulated_ground(drive) for drive in drives]
     columns: dict[str, list] = {
-        "index": [drive.index for drive in drives],
-        "states": [drive.states for drive in drives],
-        "actions": [drive.actions for drive in drives],
-        "terrain_seed": [ground.seed for ground in grounds],
-        "terrain_checksum": [ground.checksum for ground in grounds],
-        "terrain_probe": [ground.probe for ground in grounds],
-        "discarded": [drive.discarded for drive in drives],
+        name: [getattr(drive, name) for drive in drives]
+        for name in ("index", "states", "actions", "discarded")
     }
+    for name in GROUND:
+        field = name.removeprefix("terrain_")
+        columns[name] = [getattr(ground, field) for ground in grounds]
     arrays = {name: np.array(rows, TYPES.get(name)) for name, rows in columns.items()}
     write_arrays(path, arrays)
 
@@ -78,18 +78,16 @@ def read_shard(path: Path, terrain: Terrain, robot: str = "") -> list[Drive]:
     """The drives of a shard: of `robot`, on that kind of ground."""
     try:
         columns = read_arrays(path)
-        plain = {name: columns[name].tolist() for name in TYPES}
+        columns |= {name: columns[name].tolist() for name in TYPES}
         drives = []
-        for row, index in enumerate(plain["index"]):
-            ground = SimulatedGround(
-                terrain,
-                plain["terrain_seed"][row],
-                plain["terrain_checksum"][row],
-                columns["terrain_probe"][row],
+        for row in range(len(columns["index"])):
+            index, states, actions, discarded, *ground = (
+                columns[name][row]
+                for name in ("index", "states", "actions", "discarded", *GROUND)
             )
-            motion = columns["states"][row], columns["actions"][row]
-            discarded = tuple(plain["discarded"][row])
-            drives.append(simulated_drive(robot, index, *motion, ground, discarded))
+            where = SimulatedGround(terrain, *ground)
+            motion = index, states, actions, where, tuple(discarded)
+            drives.append(simulated_drive(robot, *motion))
         return drives
     except FileNotFoundError:
         raise ShardError(
@@ -121,21 +119,13 @@ def trajectories_for(minutes: float) -> int:
 
 @config
 class Collection:
-    """A named, endless sequence of trajectories.
+    """An endless sequence: trajectory i is a pure function of these values and i."""
 
-    Trajectory i is a pure function of these values and of i.
-
-    Attributes:
-        system: name of the pair of robots, as in `systems.find_system`
-        role: 'novice' or 'expert'
-        policy: name of the exploration policy
-        seed: differs between the novice's training data, the validation set and the
-            expert's data, so that they have no trajectory in common
-    """
-
-    system: str
-    role: str
-    policy: str = "ornstein_uhlenbeck"
+    system: str  # name of the pair of robots, as in `systems.find_system`
+    role: str  # 'novice' or 'expert'
+    policy: str = "ornstein_uhlenbeck"  # name of the exploration policy
+    #: differs between the novice's training data, the validation set and the expert's
+    #: data, so that they have no trajectory in common
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -165,20 +155,10 @@ Which = int | Sequence[int]
 def load(
     root: Path, collection: Collection, which: Which, terrain: Terrain | None = None
 ) -> list[Drive]:
-    """Drives of a collection.
+    """Drives of a collection in the data folder `root`, in the order of `which`.
 
-    Args:
-        root: the data folder.
-        collection: whose drives.
-        which: how many, the first ones; or their indices.
-        terrain: the kind of ground; by default that of the collection's system.
-
-    Returns:
-        The drives, in the order of `which`.
-
-    Raises:
-        ConfigError: the collection's system is not known.
-        ShardError: a shard is missing or damaged; the error names the first one.
+    `terrain` is the kind of ground, by default that of the collection's system. A
+    ShardError names the first shard that is missing or damaged.
     """
     terrain = find_system(collection.system).terrain if terrain is None else terrain
     robot = f"{collection.system} {collection.role}"
@@ -207,29 +187,19 @@ def shards_of(which: Which) -> list[int]:
 
 def missing_shards(root: Path, collection: Collection, which: Which) -> list[int]:
     """Numbers of the shards of trajectories that are not on disk."""
-    there = {path.name for path in collection.folder(Path(root)).glob("shard-*.npz")}
-    return [k for k in shards_of(which) if collection.shard(root, k).name not in there]
+    there = set(collection.folder(Path(root)).glob("shard-*.npz"))
+    return [k for k in shards_of(which) if collection.shard(root, k) not in there]
 
 
 def novice_split(
     pool_size: int, minutes: float, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The trajectories of the novice's pool to train on and those to test on.
+    """Indices (n,) and (m,) of a pool's trajectories to train on and to test on.
 
-    With one seed, the trajectories chosen for fewer minutes are among those chosen for
-    more minutes, and in the same part.
-
-    Args:
-        pool_size: trajectories in the pool.
-        minutes: of motion, train and test together.
-        seed: of the choice.
-
-    Returns:
-        Indices (n,) of the training trajectories, about 75 %, and (m,) of the test
-        trajectories; at least one each.
-
-    Raises:
-        ConfigError: the pool is too small.
+    About 75 % of `minutes` of motion are for training, and there is at least one
+    trajectory of each. With one seed, the trajectories chosen for fewer minutes are
+    among those chosen for more, and in the same part. A pool that is too small is a
+    ConfigError.
     """
     count = trajectories_for(minutes)
     if count > pool_size:

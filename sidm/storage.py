@@ -117,12 +117,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read the named arrays of a file that `write_arrays` wrote.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        Damaged: the file is not as it was written.
-    """
+    """The arrays of a file that `write_arrays` wrote; FileNotFoundError or Damaged."""
     content = _read(path)
     body, digest = content[:-SHA256_DIGITS], content[-SHA256_DIGITS:]
     if hashlib.sha256(body).hexdigest().encode() != digest:
@@ -145,12 +140,7 @@ def write_record(path: Path, values: Mapping[str, Any]) -> None:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """Read the mapping in a file that `write_record` wrote.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        Damaged: the file is not as it was written.
-    """
+    """The mapping in a file that `write_record` wrote; FileNotFoundError or Damaged."""
     try:
         text = _read(path).decode()
         values = json.loads(text)

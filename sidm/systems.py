@@ -33,9 +33,6 @@ class Robot:
         friction: Coulomb coefficient of the tyres
         mass_scale: factor on mass and inertia of every part but the chassis
 
-    Raises:
-        ConfigError: an unknown name, a wrong type, or values that make no robot.
-
     Examples:
         >>> soft = sidm.SYSTEMS["system1"].novice.replace(spring=500.0)
         >>> soft.spring, soft.damping
@@ -67,7 +64,7 @@ class Robot:
 
     def replace(self, **changes: float) -> Robot:
         """A copy of the robot with changed values, checked like a new one."""
-        return Robot(**(dataclasses.asdict(self) | changes))
+        return replace(self, **changes)
 
 
 GRID_SPACING = 0.1  # m between the heights of the ground in the simulator
@@ -90,10 +87,6 @@ class Terrain:
         noise_frequency: frequency of the fine Perlin noise, 1/m
         flat_radius: radius of the level disc at the origin, m
         blend: width of the ring around the disc that leads back to the rough ground, m
-
-    Raises:
-        ConfigError: an unknown name, a wrong type, or a spacing that the simulator does
-            not have.
 
     Examples:
         >>> sidm.Terrain(cell_height_scale=0.4).half_width  # m
@@ -142,52 +135,31 @@ class Physics:
     `kingpin_stop` and `strut_motors` are in no table of the released robot: its
     recorded motion shows them. At full steering every robot turns as with 0.5 rad, and
     its struts move as if braked (`sidm.simulation.suspension`).
-
-    Attributes:
-        time_step: physics step, s
-        steps_per_control: physics steps in one control step of 0.1 s
-        gravity: m/s^2, downward
-        solver_iterations: iterations of the constraint solver in a physics step, at
-            most
-        solver_residual: squared velocity error at which the solver stops earlier, which
-            saves 4 % of the time
-        damping: linear and angular drag of every link, as Bullet defines it
-        contact_threshold: breaking threshold of contacts, m
-        contact_slop: penetration that the solver does not correct, m
-        contact_margin: collision margin around the terrain, m
-        contact_stiffness: stiffness of the terrain, N/m
-        contact_damping: damping of the terrain, N s/m
-        ground_friction: Coulomb coefficient of the terrain; Bullet multiplies it by the
-            tyre's
-        wheel_torque: torque at a wheel, at most, N m
-        steering_rate: angular velocity of a kingpin, at most, rad/s
-        kingpin_stop: angle of the front wheels, at most, whatever the steering scale,
-            rad
-        strut_motors: whether motors brake the struts, as in the released simulator; if
-            not, see FREE_PHYSICS
-        drop_height: height of the body's origin at the start, above the highest ground
-            within 1 m, m
-        settling_time: time before a trajectory begins, s
     """
 
-    time_step: float = 1 / 500
-    steps_per_control: int = 50
-    gravity: float = 10.0
-    solver_iterations: int = 50
+    time_step: float = 1 / 500  # physics step, s
+    steps_per_control: int = 50  # physics steps in one control step of 0.1 s
+    gravity: float = 10.0  # m/s^2, downward
+    solver_iterations: int = 50  # of the constraint solver in a physics step, at most
+    #: squared velocity error at which the solver stops earlier: saves 4 % of the time
     solver_residual: float = 1e-4
-    damping: float = 0.2
-    contact_threshold: float = 1e-4
-    contact_slop: float = 1e-4
-    contact_margin: float = 0.01
-    contact_stiffness: float = 30_000.0
-    contact_damping: float = 1_000.0
+    damping: float = 0.2  # linear and angular drag of every link, as Bullet defines it
+    contact_threshold: float = 1e-4  # breaking threshold of contacts, m
+    contact_slop: float = 1e-4  # penetration that the solver does not correct, m
+    contact_margin: float = 0.01  # collision margin around the terrain, m
+    contact_stiffness: float = 30_000.0  # stiffness of the terrain, N/m
+    contact_damping: float = 1_000.0  # damping of the terrain, N s/m
+    #: Coulomb coefficient of the terrain; Bullet multiplies it by the tyre's
     ground_friction: float = 0.5
-    wheel_torque: float = 10.0
-    steering_rate: float = 10.0
+    wheel_torque: float = 10.0  # torque at a wheel, at most, N m
+    steering_rate: float = 10.0  # angular velocity of a kingpin, at most, rad/s
+    #: angle of the front wheels, at most, whatever the steering scale, rad
     kingpin_stop: float = 0.5
+    #: whether motors brake the struts, as in the released simulator; see FREE_PHYSICS
     strut_motors: bool = True
+    #: height of the body's origin at the start, above the highest ground within 1 m, m
     drop_height: float = 0.3
-    settling_time: float = 0.5
+    settling_time: float = 0.5  # time before a trajectory begins, s
 
     def __post_init__(self) -> None:
         """Refuse numbers that are not finite."""
@@ -204,9 +176,6 @@ class System:
         expert: the proxy robot, whose data are cheap
         terrain: the kind of ground
         physics: constants of the simulation
-
-    Raises:
-        ConfigError: an unknown name or a wrong type.
 
     Examples:
         >>> pair = sidm.SYSTEMS["system2"]
@@ -308,12 +277,8 @@ PAPER_SYSTEMS = ("system1", "system2")
 #: The paper's systems as its text describes them, with springs and dampers alone. Only
 #: some presets use them.
 FREE_SYSTEMS = {
-    name + FREE_STRUTS: System(
-        name=name + FREE_STRUTS,
-        novice=SYSTEMS[name].novice,
-        expert=SYSTEMS[name].expert,
-        terrain=SYSTEMS[name].terrain,
-        physics=FREE_PHYSICS,
+    name + FREE_STRUTS: SYSTEMS[name].replace(
+        name=name + FREE_STRUTS, physics=FREE_PHYSICS
     )
     for name in PAPER_SYSTEMS
 }
@@ -341,9 +306,8 @@ def family_robot(number: int) -> Robot:
     """Robot `number` of a family of random robots like the paper's."""
     import numpy as np  # here, since commands that only list trials need no NumPy
 
-    rng = np.random.default_rng(
-        np.random.SeedSequence(FAMILY_SEED, spawn_key=(number,))
-    )
+    seeds = np.random.SeedSequence(FAMILY_SEED, spawn_key=(number,))
+    rng = np.random.default_rng(seeds)
     values = {
         name: math.exp(rng.uniform(math.log(low), math.log(high)))
         for name, (low, high) in LOGARITHMIC.items()
@@ -366,12 +330,8 @@ def find_system(name: str) -> System:
     """The system of that name; ConfigError, which lists the known names, for others."""
     if name in FAMILY_PAIRS:
         novice, expert, ground = FAMILY_PAIRS[name]
-        paper = SYSTEMS[ground]
-        return System(
-            name=name,
-            novice=family_robot(novice),
-            expert=family_robot(expert),
-            terrain=paper.terrain,
+        return SYSTEMS[ground].replace(
+            name=name, novice=family_robot(novice), expert=family_robot(expert)
         )
     known = SYSTEMS | FREE_SYSTEMS
     if name not in known:

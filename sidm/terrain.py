@@ -52,10 +52,7 @@ def perlin(
 def cell_heights(
     terrain: Terrain, x: np.ndarray, y: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Heights (H, W), m, of the Voronoi cells of the grid points (x[j], y[i]).
-
-    All points near the origin are in one cell.
-    """
+    """Heights (H, W), m, of the Voronoi cells of (x[j], y[i]); one at the start."""
     half = terrain.half_width
     count = round(terrain.cells_per_area * (2 * half) ** 2)
     centres = rng.uniform(-half, half, (count, 2))
@@ -98,15 +95,8 @@ def height_at(
 ) -> np.ndarray:
     """Heights, m, of the surface that the wheels touch: two triangles in a grid cell.
 
-    Args:
-        heights: (H, W), m, index [y, x], centred on the origin.
-        x: world coordinates, m, of any shape; a point outside the grid has the height
-            of the border.
-        y: world coordinates, m, of the same shape as `x` or broadcasting with it.
-        spacing: distance between grid points, m.
-
-    Returns:
-        Heights of the broadcast shape of `x` and `y`.
+    The grid of heights (H, W), m, index [y, x], is centred on the origin. World
+    coordinates x and y, m, broadcast; outside of the grid the border holds.
     """
     rows, columns = heights.shape
     across = np.clip(np.asarray(x) / spacing + (columns - 1) / 2, 0, columns - 1)

@@ -16,7 +16,7 @@ from torch import Tensor
 from companion.bundle.bundled_trial import BundledTrial
 from companion.bundle.device_data import DeviceData
 from companion.bundle.trainers import StackedTrainers
-from sidm.learning.resuming import Checkpoint
+from sidm.learning.checkpoint import Checkpoint
 from sidm.learning.stopping import CurvePoint
 
 #: called after a test with the trial's number among the runs, and the test

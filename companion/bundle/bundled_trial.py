@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from companion.bundle.device_data import DeviceData
+from sidm.learning.checkpoint import Checkpoint
 from sidm.learning.dataset import Datasets
-from sidm.learning.resuming import Checkpoint
 from sidm.learning.stopping import Components, TrainingError
 from sidm.learning.trainer import Trainer
 from sidm.settings import Network, Training

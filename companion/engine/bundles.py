@@ -24,7 +24,8 @@ from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.drives import GroundError
 from sidm.learning.checkpoint import CheckpointError
-from sidm.learning.training import CurvePoint, Trained, TrainingError
+from sidm.learning.stopping import CurvePoint, TrainingError
+from sidm.learning.training import Trained
 from sidm.shards import ShardError
 
 

@@ -23,7 +23,8 @@ from ownrobot.methods.residual import Corrected, correction_units, residual_data
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets
 from sidm.learning.model import DynamicsModel
-from sidm.learning.training import CurvePoint, Trained, TrainingError, train
+from sidm.learning.stopping import CurvePoint, TrainingError
+from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation, default_units, loss_weights, role_units
 from sidm.systems import find_system
 

@@ -29,7 +29,7 @@ from companion.engine.store import Results
 from companion.numerics import version_label
 from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError
-from sidm.learning.training import CurvePoint, TrainingError
+from sidm.learning.stopping import CurvePoint, TrainingError
 from sidm.pool import as_completed, local_pool
 from sidm.progress import Bar, progress_bar
 

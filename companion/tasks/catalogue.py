@@ -165,7 +165,7 @@ def _as_body(drives: list[Drive], body: Body) -> list[Drive]:
     # here, since tasks are listed without PyTorch
     import torch
 
-    from sidm.learning.height_maps import states_for_body
+    from sidm.learning.dataset import states_for_body
 
     converted = []
     for drive in drives:

@@ -24,7 +24,8 @@ from sidm.body import Body
 from sidm.config import ConfigError, replace, unknown_name
 from sidm.drives import Drive
 from sidm.learning.dataset import Datasets, windows_of
-from sidm.learning.training import Progress, Trained, train
+from sidm.learning.trainer import Progress
+from sidm.learning.training import Trained, train
 from sidm.learning.units import (
     Standardisation,
     Units,

@@ -10,10 +10,7 @@ import torch
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """PyTorch computes on one thread inside the block.
-
-    Results are equal bit for bit only at the same number of threads.
-    """
+    """PyTorch computes on one thread: results are equal bit for bit only then."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -25,9 +22,6 @@ def one_thread() -> Iterator[None]:
 @contextlib.contextmanager
 def matmul_precision(precision: str) -> Iterator[None]:
     """A GPU rounds products to TensorFloat-32 inside the block only with 'tf32'.
-
-    Args:
-        precision: 'tf32'; with any other value products are not rounded.
 
     PyTorch's default is to round convolutions and LSTMs but not matrix products. A CPU
     never rounds to TensorFloat-32.

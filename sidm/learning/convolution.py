@@ -70,10 +70,7 @@ def features(
 
 
 class _Convolutions(torch.autograd.Function):
-    """Both layers, forward and backward.
-
-    The constants are the ReLUs' slope and the maps' mean and standard deviation.
-    """
+    """Both layers; constants are the slope, the maps' mean and standard deviation."""
 
     @staticmethod
     def forward(ctx: Any, maps: Tensor, numbers: Tensor, *parameters: Any) -> Tensor:

@@ -107,10 +107,7 @@ def backward(
 
 @compiled
 def _standardise(maps, mean, std, x):
-    """Write up to LANES standardised maps side by side.
-
-    Maps (n, P, P) go into x (1, P, P LANES); lanes without a map become 0.
-    """
+    """Write up to LANES maps (n, P, P) side by side into x (1, P, P LANES); or 0."""
     if len(maps) < LANES:
         x[:] = 0
     for i in range(maps.shape[1]):
@@ -157,10 +154,7 @@ def _convolve(x, w, b, out, slope):
 
 @inlined
 def _add_taps(first, second, third, fourth, row, p, q, r, s, n):
-    """Add an input `row`, shifted by 0 to 3 pixels, to four output rows of n numbers.
-
-    p, q, r and s (4,) are the weights of the four output rows.
-    """
+    """Add a row, shifted by 0 to 3 pixels, times p, q, r, s (4,), to four rows of n."""
     # the compiler does not make vectors where the loop computes offsets
     o0, o1, o2, o3 = first[0:n], second[0:n], third[0:n], fourth[0:n]
     a0, a1 = row[0:n], row[LANES : LANES + n]
@@ -209,10 +203,7 @@ def _add_weight_gradient(gradient, margin, x, gw, gb):
 
 @inlined
 def _inner_products(first, second, third, fourth, row, n):
-    """The 16 inner products of four rows with a fifth one, shifted by 0 to 3 pixels.
-
-    The four rows have n numbers each; the products of one row follow each other.
-    """
+    """The 16 products of four rows of n with a fifth, shifted by 0 to 3 pixels."""
     o0, o1, o2, o3 = first[0:n], second[0:n], third[0:n], fourth[0:n]
     a0, a1 = row[0:n], row[LANES : LANES + n]
     a2, a3 = row[2 * LANES : 2 * LANES + n], row[3 * LANES : 3 * LANES + n]

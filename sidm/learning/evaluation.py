@@ -17,6 +17,7 @@ from sidm.learning.observation import (
     encode_inputs,
     heading_of,
     integrate,
+    require_shape,
     robot_centred_map,
 )
 
@@ -91,15 +92,12 @@ def rollout(
         pixels: P of the model's maps.
         role: the system whose encoder and decoder predict.
         spacing: distance between two points of the terrain's grid, m.
-        body: what states and actions are made of; S is 13 and A is 2 by default.
-        memory: the model's memory before the start; none by default.
+        body: what states and actions are made of.
+        memory: the model's memory before the start.
 
     Returns:
         Predicted states (K + 1, S) or (B, K + 1, S), with the given state first, in the
         type of `state`.
-
-    Raises:
-        ValueError: shapes that do not fit each other.
     """
     state, actions = torch.as_tensor(state), torch.as_tensor(actions)
     single = state.ndim == 1
@@ -108,13 +106,21 @@ def rollout(
     terrains = None if heights is None else torch.as_tensor(heights)
     if single and terrains is not None:
         terrains = terrains[None]
-    _require_rollout_shapes(terrains, state, actions, body)
-    device = model.device
+    require_shape(state, ("B", len(body.state)), "state")
+    require_shape(actions, (len(state), "K", len(body.actions)), "actions")
+    if body.map_size:
+        grids = torch.empty(0) if terrains is None else terrains
+        require_shape(grids, (len(state), "H", "W"), "heights")
+    device, pixels = model.device, body.pixels(pixels)
     states = [state.double()]
+    maps = torch.zeros(len(state), 0, 0).half()  # of a body without a map
     with torch.inference_mode():
         for action in actions.double().unbind(1):
             inputs = encode_inputs(states[-1], action, body).float()  # (B, X)
-            maps = _maps_at(terrains, states[-1], body, pixels, spacing)  # (B, P, P)
+            if terrains is not None and pixels:  # (B, P, P)
+                maps = robot_centred_map(
+                    terrains, states[-1], pixels, body.map_size, spacing, body
+                ).half()
             step = inputs[:, None].to(device), maps[:, None].to(device)  # T is 1
             predicted, memory = model(role, *step, memory)  # (B, 1, Y)
             states.append(integrate(states[-1], predicted[:, 0].cpu().double(), body))
@@ -122,60 +128,16 @@ def rollout(
     return path[0] if single else path
 
 
-def _maps_at(
-    terrains: Tensor | None, states: Tensor, body: Body, pixels: int, spacing: float
-) -> Tensor:
-    """Maps (B, P, P), float16, in m, at states (B, S); P is 0 without a map."""
-    if not body.map_size:
-        return torch.zeros(len(states), 0, 0, dtype=torch.float16)
-    assert terrains is not None
-    pixels = body.pixels(pixels)
-    return robot_centred_map(
-        terrains, states, pixels, body.map_size, spacing, body
-    ).half()
-
-
-def _require_rollout_shapes(
-    terrains: Tensor | None, state: Tensor, actions: Tensor, body: Body
-) -> None:
-    """Raise a ValueError with all shapes unless they fit each other and the body."""
-    sizes = len(body.state), len(body.actions)
-    expected = f"state (B, {sizes[0]}) and actions (B, K, {sizes[1]}) of one B"
-    tensors, dimensions = [state, actions], [2, 3]
-    if body.map_size:
-        expected = f"heights (B, H, W), {expected}"
-        tensors = tensors if terrains is None else [terrains, *tensors]
-        dimensions = [3, *dimensions]
-    fits = (
-        [tensor.ndim for tensor in tensors] == dimensions
-        and (state.shape[-1], actions.shape[-1]) == sizes
-        and len({len(tensor) for tensor in tensors}) == 1
-    )
-    if not fits:
-        *first, last = (str(tuple(tensor.shape)) for tensor in tensors)
-        raise ValueError(f"{expected}, not {', '.join(first)} and {last}")
-
-
 def rollout_errors(
     predicted: Tensor, actual: Tensor, body: Body = ROVER
 ) -> tuple[Tensor, Tensor]:
-    """Errors in position and heading of predicted paths, step by step.
+    """Errors of predicted paths (..., K + 1, S), with the common start first.
 
-    Args:
-        predicted: states (..., K + 1, S), with the common start first.
-        actual: states of the same shape.
-        body: what a state is made of; it has a pose.
-
-    Returns:
-        Distances between positions, m, and absolute differences of headings, rad in
-        [0, pi], each (..., K), without the start.
+    Distances between positions, m, and absolute differences of headings, rad in
+    [0, pi], each (..., K), without the start. The body has a pose.
     """
-    shape, size = predicted.shape, len(body.state)
-    if shape != actual.shape or len(shape) < 2 or shape[-1] != size:
-        raise ValueError(
-            f"predicted and actual states (..., K + 1, {size}), "
-            f"not {tuple(shape)} and {tuple(actual.shape)}"
-        )
+    require_shape(predicted, ("...", "K + 1", len(body.state)), "predicted")
+    require_shape(actual, predicted.shape, "actual")
     predicted, actual = predicted[..., 1:, :].double(), actual[..., 1:, :].double()
     axes = slice(0, 2 if body.pose == "planar" else 3)
     distance = (predicted[..., axes] - actual[..., axes]).norm(dim=-1)

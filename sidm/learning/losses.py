@@ -13,16 +13,12 @@ from torch import Tensor
 def prediction_loss(
     predicted: Tensor, target: Tensor, weights: Tensor | None = None
 ) -> Tensor:
-    """Equation (1): the squared 2-norm of y' - y for each sample.
+    """Equation (1): the squared 2-norm (...) of y' - y for each sample.
 
     Args:
         predicted: y' (..., Y), raw units, with the quaternion as the decoder gives it.
         target: y (..., Y), raw units, with a quaternion of w >= 0.
-        weights: (Y,), factors of the components' squares; 1 by default, as in the
-            paper.
-
-    Returns:
-        Losses (...), one for each sample.
+        weights: (Y,), factors of the components' squares; None: 1, as in the paper.
     """
     return component_losses(predicted, target, weights).sum(-1)
 
@@ -56,13 +52,11 @@ def expected_discriminator_loss(expert_logits: Tensor, novice_logits: Tensor) ->
 def one_sided_loss(
     expert_logits: Tensor | None = None, novice_logits: Tensor | None = None
 ) -> Tensor:
-    """The term of equation (2) for a batch of one system: its mean, a scalar.
-
-    Exactly one of the two logits (...) is given.
-    """
-    logits = expert_logits if novice_logits is None else -novice_logits
-    assert logits is not None
-    return F.softplus(-logits).mean()
+    """The mean term of equation (2) for a batch of the one system that is given."""
+    if novice_logits is not None:
+        return F.softplus(novice_logits).mean()
+    assert expert_logits is not None
+    return F.softplus(-expert_logits).mean()
 
 
 def expected_matching_loss(novice_logits: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
 import torch
 from torch import Tensor, nn
@@ -12,27 +12,16 @@ from sidm.config import ConfigError
 from sidm.learning.dataset import Windows
 from sidm.learning.losses import prediction_loss
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory, seeded
-from sidm.learning.units import Standardisation, Units, role_units
+from sidm.learning.units import Units, role_units
 from sidm.settings import Network
 from sidm.systems import ROLES
 
-#: tells from a parameter's name whether each system has its own copy
-IsOwn = Callable[[str], bool]
-
-#: for each `Network.own` but 'all', the parameters that are a system's own
-OWN_IN_DECODER: dict[str, IsOwn] = {
-    "none": lambda name: False,
-    "flag": lambda name: False,
-    "biases": lambda name: name.endswith("bias"),
-}
-OWN_IN_ENCODER = OWN_IN_DECODER | {"flag": lambda name: name == "dense.0.bias"}
+#: `Network.own` -> how the names of a part's parameters end that are a system's own
+OWN = {"none": (), "biases": ("bias",), "flag": ("dense.0.bias",)}
 
 
 class Predictor(nn.Module):
-    """A model of the transitions of one or more systems.
-
-    It is called as model(role, inputs, maps, memory).
-    """
+    """A model of the transitions of systems: model(role, inputs, maps, memory)."""
 
     @property
     def device(self) -> torch.device:
@@ -40,10 +29,7 @@ class Predictor(nn.Module):
         return next(self.parameters()).device
 
     def loss_weights(self, role: str) -> Tensor | None:
-        """Weights (Y,) of a system's components in equation (1).
-
-        None means that all are 1, as for the paper's body.
-        """
+        """Weights (Y,) of a system's components in equation (1); None: all are 1."""
         return None
 
 
@@ -71,14 +57,12 @@ class DynamicsModel(Predictor):
         super().__init__()
         roles = tuple(roles)
         encoder, sidm, decoder = self._parts
-        units: dict[str, Standardisation | None] = dict.fromkeys(roles)
-        if standardisation is not None:
-            units = {role: role_units(standardisation, role) for role in roles}
 
         def build(part: type[nn.Module], name: str) -> nn.ModuleDict:
             parts = nn.ModuleDict()
             for role in roles:
-                make = functools.partial(part, network, units[role], network.body(role))
+                units = standardisation and role_units(standardisation, role)
+                make = functools.partial(part, network, units, network.body(role))
                 parts[role] = seeded(seed, f"{role} {name}", make)
             return parts
 
@@ -86,9 +70,10 @@ class DynamicsModel(Predictor):
         self.sidm = seeded(seed, "sidm", lambda: sidm(network))
         self.decoders = build(decoder, "decoder")
         if len(roles) > 1 and network.own != "all":
-            own = network.own
-            share(self.encoders["expert"], self.encoders["novice"], OWN_IN_ENCODER[own])
-            share(self.decoders["expert"], self.decoders["novice"], OWN_IN_DECODER[own])
+            own = OWN[network.own]
+            share(self.encoders["expert"], self.encoders["novice"], own)
+            in_decoder = () if network.own == "flag" else own
+            share(self.decoders["expert"], self.decoders["novice"], in_decoder)
 
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
@@ -99,16 +84,13 @@ class DynamicsModel(Predictor):
             role: 'novice' or 'expert'.
             inputs: (B, T, X), raw units.
             maps: (B, T, P, P), m.
-            memory: the SIDM's memory after the step before; None where the trajectories
-                begin.
+            memory: the SIDM's after the step before; None where trajectories begin.
 
         Returns:
-            State transitions y' (B, T, Y) in raw units, and the SIDM's memory after the
-            last step.
+            State transitions y' (B, T, Y) in raw units, and the SIDM's last memory.
 
         Raises:
             ConfigError: a system that the model does not have.
-            ValueError: wrong shapes.
         """
         if role not in self.encoders:
             known = ", ".join(self.encoders)
@@ -152,21 +134,18 @@ class DynamicsModel(Predictor):
         before = self.state_dict()
         if all(name.startswith("sidm.") for name in weights):
             weights = before | dict(weights)
-        sources = {
-            name: name if name in weights else name.replace(".expert.", ".novice.")
-            for name in before
-        }
-        self.load_state_dict(
-            {name: weights[source] for name, source in sources.items()}
-        )
+        for name in before:
+            source = name if name in weights else name.replace(".expert.", ".novice.")
+            before[name] = weights[source]
+        self.load_state_dict(before)
 
 
-def share(part: nn.Module, other: nn.Module, is_own: IsOwn) -> None:
-    """Give `part` the parameters of `other`, except those that are its own.
+def share(part: nn.Module, other: nn.Module, own: tuple[str, ...]) -> None:
+    """Give `part` the parameters of `other`, but those with a name that ends in `own`.
 
     Both have the same structure; training then changes the shared parameters for both.
     """
     for name, parameter in other.named_parameters():
-        if not is_own(name):
+        if not name.endswith(own):
             layer, _, leaf = name.rpartition(".")
             setattr(part.get_submodule(layer), leaf, parameter)

@@ -72,15 +72,10 @@ class Encoder(nn.Module):
             self.register_buffer(name, getattr(units, name).clone())
 
     def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
-        """Latent state-actions of inputs and maps.
+        """Latents (B, T, latent) of inputs (B, T, X), raw units, and maps, m.
 
-        Args:
-            inputs: (B, T, X), raw units.
-            maps: (B, T, P, P), m.
-
-        Returns:
-            Latents (B, T, latent), in the inputs' precision even if the layers compute
-            in another one under `torch.autocast`.
+        Maps are (B, T, P, P). Latents have the inputs' precision even if the layers
+        compute in another one under `torch.autocast`.
         """
         require_shape(inputs, ("B", "T", self.size), "inputs")
         require_shape(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
@@ -107,11 +102,7 @@ class Encoder(nn.Module):
 
 
 class SIDM(nn.Module):
-    """SIDM: from latent state-actions to latent state transitions.
-
-    This is the system invariant dynamics model. An LSTM sees the steps of a trajectory
-    in order.
-    """
+    """System invariant dynamics model: an LSTM on latents, step by step."""
 
     def __init__(self, network: Network):
         super().__init__()
@@ -126,14 +117,9 @@ class SIDM(nn.Module):
     def forward(
         self, latents: Tensor, memory: Memory | None = None
     ) -> tuple[Tensor, Memory]:
-        """Latent state transitions of latent state-actions.
+        """Latent transitions (B, T, 64) of latents (B, T, 128), and the last memory.
 
-        Args:
-            latents: (B, T, 128).
-            memory: of the step before; None where the trajectories begin.
-
-        Returns:
-            Latent transitions (B, T, 64), and the memory after the last step.
+        `memory` is that of the step before; None where the trajectories begin.
         """
         require_shape(latents, ("B", "T", self.latent), "latents")
         hidden, memory = self.lstm(latents, memory)
@@ -199,10 +185,7 @@ class Discriminator(nn.Module):
 
 
 def seeded(seed: int, part: str, build: Callable[[], M]) -> M:
-    """Build a module whose initial weights depend on `seed` and `part` alone.
-
-    The global random generator is left as it was.
-    """
+    """Build a module with weights that depend on `seed` and `part` alone."""
     with torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(derive(seed, part))
         return build()

@@ -39,16 +39,9 @@ INPUT_SIZE, TARGET_SIZE = len(ROVER.inputs), len(ROVER.targets)
 
 
 def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor:
-    """The numbers of x, without the map.
+    """The numbers (..., X) of x without the map, of states (..., S), actions (..., A).
 
-    Args:
-        states: (..., S); S is 13 for the paper's body.
-        actions: (..., A); throttle and steering in [-1, 1] for the paper's body.
-        body: says what states and actions are made of.
-
-    Returns:
-        Inputs (..., X); 11 for the paper's body: the up direction in the body's frame,
-        the twist, and the action.
+    For the paper's body X is 11, S 13 and A 2: throttle and steering in [-1, 1].
     """
     require_shape(states, ("...", len(body.state)), "states")
     require_shape(actions, ("...", len(body.actions)), "actions")
@@ -57,16 +50,7 @@ def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor
 
 
 def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tensor:
-    """The output y: the motion from one state to the next and the new velocities.
-
-    Args:
-        states: (..., S) before the step.
-        next_states: (..., S) after the step.
-        body: says what a state is made of.
-
-    Returns:
-        Transitions (..., Y), raw units, with a quaternion of w >= 0.
-    """
+    """The output y (..., Y), raw units: from states (..., S) to the next ones."""
     require_shape(states, ("...", len(body.state)), "states")
     require_shape(next_states, ("...", len(body.state)), "next_states")
     columns = next_states[..., body.pose_size :]
@@ -85,16 +69,7 @@ def transition(states: Tensor, next_states: Tensor, body: Body = ROVER) -> Tenso
 
 
 def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor:
-    """The states that transitions lead to: the inverse of `transition`.
-
-    Args:
-        states: (..., S) before the step.
-        transitions: (..., Y), raw units.
-        body: says what a state is made of.
-
-    Returns:
-        States (..., S) after the step, with quaternions of length 1.
-    """
+    """The states (..., S) that transitions (..., Y) lead to; unit quaternions."""
     require_shape(states, ("...", len(body.state)), "states")
     require_shape(transitions, ("...", len(body.targets)), "transitions")
     columns = transitions[..., body.pose_size :]
@@ -115,23 +90,17 @@ def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor
 def convert_to_body(
     body: Body, states: Tensor, actions: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """The paper's states and actions in the form of another body.
+    """The paper's states (..., 13) and actions (..., 2) in the form of another body.
 
-    Args:
-        body: names the pose, columns and actions that are wanted. A column is one of
-            the paper's state or of the up direction, `up_x` to `up_z`; an action is
-            throttle, steering, or `left` and `right`, their sum and their difference.
-        states: (..., 13), of the paper's body.
-        actions: (..., 2), throttle and steering.
-
-    Returns:
-        States (..., S) and actions (..., A).
+    A column of `body` is one of the paper's state or of the up direction, `up_x` to
+    `up_z`; an action is throttle, steering, or `left` and `right`, their sum and their
+    difference. States are then (..., S), actions (..., A).
     """
     require_shape(states, ("...", STATE_SIZE), "states")
     require_shape(actions, ("...", ACTION_SIZE), "actions")
     twist, up = states[..., TWIST].unbind(-1), _up_direction(states).unbind(-1)
-    columns = dict(zip((name for name, _ in ROVER.columns), twist, strict=True))
-    columns |= dict(zip((name.replace(" ", "_") for name in UP), up, strict=True))
+    names = [*dict(ROVER.columns), *(name.replace(" ", "_") for name in UP)]
+    columns = dict(zip(names, (*twist, *up), strict=True))
     throttle, steering = actions.unbind(-1)
     commands = {
         "throttle": throttle,
@@ -148,7 +117,12 @@ def convert_to_body(
                 raise unknown_name(name, known, about)
         return torch.stack([known[name] for name, _ in wanted], -1)
 
-    parts = [_pose(states, body)]
+    if body.pose == "none":
+        parts = [states[..., :0]]
+    elif body.pose == "planar":
+        parts = [states[..., :2], heading_of(states)[..., None]]
+    else:
+        parts = [states[..., : QUATERNION.stop]]
     if body.columns:
         parts.append(select(body.columns, columns))
     return torch.cat(parts, -1), select(body.actions, commands)
@@ -181,15 +155,21 @@ def robot_centred_map(
         Maps (..., P, P), m, in the wider of the two types. Axis -2 runs along the
         body's y (to the left), axis -1 along its x (forward); the centre of pixel i is
         at ((i + 0.5) / P - 0.5) * size.
-
-    Raises:
-        ValueError: shapes that do not fit each other.
     """
     heights, states = torch.as_tensor(heights), torch.as_tensor(states)
-    _require_terrain_shapes(heights, states, len(body.state))
+    require_shape(states, ("...", len(body.state)), "states")
+    several = (len(states),) if heights.ndim == 3 else ()
+    require_shape(heights, (*several, "H", "W"), "heights")
     dtype = torch.promote_types(heights.dtype, states.dtype)
     heights, states = heights.to(dtype), states.to(dtype)
-    x, y = _pixel_positions(states, pixels, size, body)  # (..., P, P) each, world frame
+    indices = torch.arange(pixels, dtype=states.dtype, device=states.device)
+    offset = ((indices + 0.5) / pixels - 0.5) * size
+    forward, left = offset[None, :], offset[:, None]
+    heading = heading_of(states, body)[..., None, None]
+    cos, sin = torch.cos(heading), torch.sin(heading)
+    # (..., P, P) each, world frame
+    x = states[..., 0, None, None] + cos * forward - sin * left
+    y = states[..., 1, None, None] + sin * forward + cos * left
     if body.pose == "spatial":
         robot_height = states[..., 2]
     else:
@@ -226,36 +206,10 @@ def surface(heights: Tensor, x: Tensor, y: Tensor, spacing: float = 0.1) -> Tens
 
 
 def _ground(heights: Tensor, x: Tensor, y: Tensor, spacing: float) -> Tensor:
-    """Heights of the ground at `x`, `y`, in their shape.
-
-    Terrains are (N, H, W) with points (N, ...), or a terrain (H, W) with points (...).
-    """
+    """Heights of (N, H, W) or (H, W) at `x`, `y`, (N, ...) or (...), in their shape."""
     grids = heights if heights.ndim == 3 else heights[None]
     points = x.reshape(len(grids), -1), y.reshape(len(grids), -1)
     return surface(grids, *points, spacing).reshape(x.shape)
-
-
-def _pixel_positions(
-    states: Tensor, pixels: int, size: float, body: Body
-) -> tuple[Tensor, Tensor]:
-    """World x and y, each (..., P, P), m, of the pixels of maps at states (..., S)."""
-    indices = torch.arange(pixels, dtype=states.dtype, device=states.device)
-    offset = ((indices + 0.5) / pixels - 0.5) * size
-    forward, left = offset[None, :], offset[:, None]
-    heading = heading_of(states, body)[..., None, None]
-    cos, sin = torch.cos(heading), torch.sin(heading)
-    x = states[..., 0, None, None] + cos * forward - sin * left
-    y = states[..., 1, None, None] + sin * forward + cos * left
-    return x, y
-
-
-def _pose(states: Tensor, body: Body) -> Tensor:
-    """The pose, as a body describes it, of the paper's states (..., 13)."""
-    if body.pose == "none":
-        return states[..., :0]
-    if body.pose == "planar":
-        return torch.cat([states[..., :2], heading_of(states)[..., None]], -1)
-    return states[..., : QUATERNION.stop]
 
 
 def _up_direction(states: Tensor) -> Tensor:
@@ -279,17 +233,4 @@ def require_shape(tensor: Tensor, shape: Sequence[int | str], name: str) -> None
         expected = ", ".join(map(str, shape))
         raise ValueError(
             f"{name} must have shape ({expected}), not {tuple(tensor.shape)}"
-        )
-
-
-def _require_terrain_shapes(heights: Tensor, states: Tensor, size: int) -> None:
-    """Raise a ValueError unless states (..., `size`) fit the terrain or terrains."""
-    several = heights.ndim == 3
-    fit = heights.ndim in (2, 3) and states.ndim >= 1 + several
-    fit = fit and states.shape[-1] == size
-    if not fit or (several and len(heights) != len(states)):
-        raise ValueError(
-            f"heights (H, W) with states (..., {size}), "
-            f"or heights (N, H, W) with states (N, ..., {size}) of one N, "
-            f"not heights {tuple(heights.shape)} with states {tuple(states.shape)}"
         )

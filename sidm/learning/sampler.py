@@ -31,10 +31,6 @@ class Sampler:
     Attributes:
         one_curve: whether the learning curve has the losses of all systems; otherwise
             it has the novice's.
-
-    Attributes:
-        one_curve: whether the learning curve has the losses of all systems; otherwise
-            it has the novice's.
     """
 
     one_curve = False
@@ -62,20 +58,13 @@ class Sampler:
         Without `replacement` all purposes share one random order of the system's
         windows.
         """
-        if not self.training.replacement:
-            return self._next_indices(role, count)
-        source = self.generators[purpose]
-        return torch.randint(len(self.windows[role]), (count,), generator=source)
-
-    def _next_indices(self, role: str, count: int) -> Tensor:
-        """The next indices (count,), int64, in a system's random order.
-
-        A new order begins where one ends.
-        """
+        size = len(self.windows[role])
+        if self.training.replacement:
+            return torch.randint(size, (count,), generator=self.generators[purpose])
         waiting = self.waiting.get(role, torch.zeros(0, dtype=torch.long))
-        size, source = len(self.windows[role]), self.generators[role]
         while len(waiting) < count:
-            waiting = torch.cat([waiting, torch.randperm(size, generator=source)])
+            order = torch.randperm(size, generator=self.generators[role])
+            waiting = torch.cat([waiting, order])
         drawn, self.waiting[role] = waiting[:count], waiting[count:]
         return drawn
 
@@ -112,12 +101,12 @@ class Sampler:
             is_expert = is_expert[:, :1].expand(shape)
         of_expert = is_expert.sort(dim=1).values
         batches = torch.zeros(shape, dtype=torch.long)
-        for role, used, to in (
-            ("novice", ~is_expert, ~of_expert),
-            ("expert", is_expert, of_expert),
-        ):
-            if role not in self.windows:
-                continue
+        places = {
+            "novice": (~is_expert, ~of_expert),
+            "expert": (is_expert, of_expert),
+        }
+        for role in self.windows:
+            used, to = places[role]
             if self.training.replacement:
                 batches[to] = self.indices(role, used.numel(), role)[used.flatten()]
             else:
@@ -126,8 +115,8 @@ class Sampler:
 
     def batch(self) -> dict[str, Windows]:
         """The windows of a batch of Algorithm 1, by system, on the device."""
-        batch = self.batch_indices()
-        return {role: self.take(role, indices) for role, indices in batch.items()}
+        drawn = self.batch_indices().items()
+        return {role: self.take(role, indices) for role, indices in drawn}
 
     def discriminator_systems(self) -> tuple[str, ...]:
         """The systems in a discriminator's batch, the expert first (Algorithm 2)."""
@@ -136,18 +125,12 @@ class Sampler:
         return ("expert",) if self.discriminated_systems(1) else ("novice",)
 
     def discriminated_systems(self, iterations: int) -> Tensor:
-        """Whether each of several discriminator's batches is the expert's.
-
-        It is for `discriminator_draw` 'one': (iterations,) bool.
-        """
+        """Whether batches of the discriminator with one system are the expert's."""
         source = self.generators[DISCRIMINATOR_SYSTEM]
         return torch.rand(iterations, generator=source) < 0.5
 
     def discriminator_batch(self) -> dict[str, Windows]:
-        """Windows of a discriminator's batch, by system, on the device (Algorithm 2).
-
-        They are b_d windows of each system, or of one system.
-        """
+        """b_d windows of each system, or of one, on the device (Algorithm 2)."""
         count = self.training.discriminator_batch
         return {
             role: self.draw(role, count, f"discriminator {role}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Literal, NamedTuple
 
 #: weight of the past in the smoothed test and training loss
@@ -15,6 +16,8 @@ RELEASED_SMOOTHING = 0.9
 RELEASED_PATIENCE = 25_000  # prediction iterations
 #: ratio of training loss to test loss below which the model counts as overfit
 RELEASED_RATIO = 0.8
+#: samples that count as an iteration: 2 trajectories of 64 steps
+RELEASED_ITERATION = 128
 
 
 class TrainingError(RuntimeError):
@@ -55,10 +58,7 @@ COMPONENT_SPACING = 1.12
 
 
 class Components(NamedTuple):
-    """The loss by component at a point of the learning curve.
-
-    It is measured on the first windows of each set.
-    """
+    """The loss by component at a test, on the first windows of each set."""
 
     samples: int  # control steps of the prediction phases so far
     test: tuple[float, ...]  # (Y,), terms of equation (1) on the novice's test split
@@ -123,24 +123,12 @@ class Curve(NamedTuple):
 
 
 class StoppingRule(NamedTuple):
-    """When a training ends.
-
-    Until then it keeps the weights of the lowest smoothed test loss.
-    """
+    """When a training ends; it keeps the weights of the lowest smoothed test loss."""
 
     stopping: Literal["test_loss", "released"] = "test_loss"  # as in `EarlyStopping`
     smoothing: float = 0.5  # weight of the past in the smoothed test loss
     patience: int | None = None  # samples without a new minimum; None: no limit
     max_samples: int | None = None  # None: no limit
-    #: samples that count as an iteration of the released rule: 2 trajectories of 64
-    #: steps
-    samples_per_iteration: int = 128
-
-    def early_stopping(self) -> EarlyStopping:
-        """A new `EarlyStopping` with this rule."""
-        limits = (self.patience, self.max_samples)
-        patience, max_samples = (2**62 if limit is None else limit for limit in limits)
-        return EarlyStopping(self.stopping, self.smoothing, patience, max_samples)
 
 
 class KeptWeights(NamedTuple):
@@ -155,22 +143,27 @@ class KeptWeights(NamedTuple):
 
 def kept_weights(curve: Curve, rule: StoppingRule) -> KeptWeights:
     """The weights that a training would have kept if `rule` had stopped it."""
-    stopper, best, last, ended = rule.early_stopping(), None, 0, False
+    limits = (rule.patience, rule.max_samples)
+    patience, max_samples = (2**62 if limit is None else limit for limit in limits)
+    stopper = EarlyStopping(rule.stopping, rule.smoothing, patience, max_samples)
+
+    def ends(samples: int) -> bool:
+        return stopper.finished(samples, samples // RELEASED_ITERATION)
+
+    best, last, ended = None, 0, False
     tests = zip(curve.samples, curve.training_loss, curve.test_loss, strict=True)
     for number, (samples, training_loss, test_loss) in enumerate(tests):
         # a training that ends between two tests is not tested again
-        before = samples - curve.iteration
-        if stopper.finished(before, before // rule.samples_per_iteration):
-            ended = True
+        ended = ends(samples - curve.iteration)
+        if ended:
             break
-        last, iteration = samples, samples // rule.samples_per_iteration
+        last, iteration = samples, samples // RELEASED_ITERATION
         if stopper.update(samples, iteration, training_loss, test_loss):
             best = number
     if best is None or stopper.best is None:
         raise ValueError("a training without a test keeps nothing")
-    ended = ended or stopper.finished(last, last // rule.samples_per_iteration)
-    validation_loss = curve.validation_loss[best]
-    return KeptWeights(curve.samples[best], stopper.best, validation_loss, last, ended)
+    losses = stopper.best, curve.validation_loss[best]
+    return KeptWeights(curve.samples[best], *losses, last, ended or ends(last))
 
 
 def kept_after(
@@ -181,11 +174,12 @@ def kept_after(
     This is `kept_weights` with each of the `lengths` as the `max_samples` of a rule
     without patience, in one pass.
     """
-    smoothed: list[float] = []
+    smoothed = list(
+        accumulate(curve.test_loss, lambda past, now: _smooth(past, now, smoothing))
+    )
     best: list[int] = []  # test with the lowest smoothed loss so far
-    for test, loss in enumerate(curve.test_loss):
-        smoothed.append(_smooth(smoothed[-1] if smoothed else None, loss, smoothing))
-        lower = not best or smoothed[test] < smoothed[best[-1]]
+    for test, loss in enumerate(smoothed):
+        lower = not best or loss < smoothed[best[-1]]
         best.append(test if lower else best[-1])
     # a training that ends between two tests is not tested again
     starts = [samples - curve.iteration for samples in curve.samples]

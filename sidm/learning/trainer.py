@@ -33,10 +33,7 @@ Progress = Callable[[CurvePoint], None]  # called after each test
 
 
 class Hook:
-    """An addition of a study to training; its methods do nothing by default.
-
-    `Training.hooks` gives the hooks of a training.
-    """
+    """An addition of a study to training, of `Training.hooks`; by default nothing."""
 
     def sampler(
         self, datasets: Datasets, training: Training, seed: int, device: torch.device
@@ -50,9 +47,9 @@ class Hook:
     def auxiliary_loss(
         self, trainer: Trainer, latents: Mapping[str, Tensor]
     ) -> Tensor | None:
-        """A loss, a scalar, that is added to a batch's in Algorithm 1, or None.
+        """A scalar that is added to a batch's loss in Algorithm 1, or None.
 
-        Latent state-actions (B, T, latent) of the batch are given by system.
+        Latent state-actions (B, T, latent) are given by system.
         """
         return None
 
@@ -78,15 +75,9 @@ class Hook:
 class Trainer:
     """A model in training: weights, optimisers, batches, counters and the best weights.
 
+    Arguments that are not listed are those of `training.train`.
+
     Args:
-        datasets: the data to learn from and to test on.
-        network: sizes of the networks.
-        training: settings of the training.
-        seed: of weights and batches.
-        standardisation: units inside the networks, one for all systems or one for each;
-            by default those of `default_units`.
-        device: the device to compute on.
-        start: initial weights by name; drawn at random by default.
         roles: the systems that the model has; by default the novice, and the expert
             where its data are needed.
         model: class of the model.
@@ -152,7 +143,9 @@ class Trainer:
             self.matching_optimiser = make_optimiser(
                 self.model.encoders["novice"], training
             )
-        self.sampler = sampler or self._make_sampler()
+        settings = datasets, training, seed, self.device
+        offered = [sampler, *(hook.sampler(*settings) for hook in self.hooks)]
+        self.sampler = next(filter(None, offered), None) or Sampler(*settings)
         self.stopping = EarlyStopping(
             training.stopping,
             training.smoothing,
@@ -171,15 +164,6 @@ class Trainer:
         for hook in self.hooks:
             hook.begin(self)
 
-    def _make_sampler(self) -> Sampler:
-        """The sampler of the first hook that has one, or a `Sampler`."""
-        settings = self.datasets, self.training, self.seed, self.device
-        for hook in self.hooks:
-            sampler = hook.sampler(*settings)
-            if sampler is not None:
-                return sampler
-        return Sampler(*settings)
-
     @property
     def finished(self) -> bool:
         """Whether training ends now."""
@@ -191,18 +175,15 @@ class Trainer:
         return {name: tensor.clone() for name, tensor in tensors.items()}
 
     def encode(self, role: str, windows: Windows) -> Tensor:
-        """Latent state-actions (B, T, latent), float32, of a system's windows.
-
-        They are computed in the training's precision.
-        """
+        """Latents (B, T, latent), float32, computed in the training's precision."""
         low = self.training.precision == "bfloat16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=low):
             return self.model.encode(role, windows)
 
     def step_prediction(self, loss: Tensor, latents: Mapping[str, Tensor]) -> None:
-        """Take one step down the gradient of a batch's `loss` (Algorithm 1).
+        """Take one step down the gradient of a batch's loss (Algorithm 1).
 
-        Hooks may add other losses to it, from the batch's latents (B, T, latent).
+        Hooks may add other losses, from the batch's latents (B, T, latent) by system.
         """
         self._clear_gradients()
         for hook in self.hooks:
@@ -240,9 +221,8 @@ class Trainer:
         """
         logits, correct = {}, []
         for role, latent in latents.items():
-            values = self.discriminator.logits(latent)
+            values = logits[f"{role}_logits"] = self.discriminator.logits(latent)
             correct.append((values > 0 if role == "expert" else values < 0).flatten())
-            logits[f"{role}_logits"] = values
         self.accuracy = float(torch.cat(correct).float().mean())
         return logits
 
@@ -273,10 +253,7 @@ class Trainer:
         return self.iteration % self.training.test_interval == 0
 
     def run_test(self, progress: Progress | None = None) -> CurvePoint:
-        """Measure the test loss, and keep the weights if it is the lowest so far.
-
-        The smoothed test losses are compared.
-        """
+        """Measure the test loss; keep the weights if it is the lowest, smoothed."""
         with contextlib.ExitStack() as stack:
             for hook in self.hooks:
                 stack.enter_context(hook.testing())
@@ -286,7 +263,9 @@ class Trainer:
             if self.add_test(self._test_loss(self.model, self.test), validation):
                 self.best_weights = self.weights()
             if len(self.validation) and self.components_due:
-                self.components.append(self.measure_components())
+                sets = self.test, self.validation
+                losses = [validation_loss(self.model, one).tolist() for one in sets]
+                self.components.append(Components(self.samples, *map(tuple, losses)))
         if progress is not None:
             progress(self.history[-1])
         return self.history[-1]
@@ -294,21 +273,13 @@ class Trainer:
     @property
     def components_due(self) -> bool:
         """Whether losses by component are measured at this test."""
-        if not self.components:
-            return True
-        return self.samples >= COMPONENT_SPACING * self.components[-1].samples
-
-    def measure_components(self) -> Components:
-        """The loss by component with the present weights."""
-        test = validation_loss(self.model, self.test).tolist()
-        validation = validation_loss(self.model, self.validation).tolist()
-        return Components(self.samples, tuple(test), tuple(validation))
+        last = self.components[-1].samples if self.components else 0
+        return self.samples >= COMPONENT_SPACING * last
 
     def add_test(self, test_loss: float, validation: float | None = None) -> bool:
-        """Add a point to the learning curve, and say whether it is the lowest.
+        """Add a point to the learning curve; whether its smoothed loss is the lowest.
 
-        The smoothed losses are compared. A test or training loss that is not finite
-        raises TrainingError; the point is then not added.
+        A test or training loss that is not finite raises TrainingError instead.
         """
         total, count = self.losses["novice"]
         if not count:

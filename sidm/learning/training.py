@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from sidm.learning.arithmetic import flushed_denormals, matmul_precision
+from sidm.learning.checkpoint import Checkpoint
 from sidm.learning.dataset import Datasets
 from sidm.learning.losses import (
     expected_discriminator_loss,
@@ -21,22 +22,10 @@ from sidm.learning.losses import (
 )
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
-from sidm.learning.resuming import Checkpoint
-from sidm.learning.stopping import Components, CurvePoint, TrainingError
+from sidm.learning.stopping import Components, CurvePoint
 from sidm.learning.trainer import Progress, Trainer
 from sidm.learning.units import Units
 from sidm.settings import Network, Training
-
-__all__ = [
-    "CurvePoint",
-    "Progress",
-    "Trained",
-    "Training",
-    "TrainingError",
-    "learn",
-    "result",
-    "train",
-]
 
 
 class Trained(NamedTuple):
@@ -146,10 +135,7 @@ def prediction_phase(trainer: Trainer, progress: Progress | None = None) -> None
 
 
 def regularisation_phase(trainer: Trainer) -> None:
-    """Algorithm 2: A learns to tell the systems' latents apart, and E_n to deceive A.
-
-    A learns first, for `discriminator_iterations`, then the novice's encoder E_n.
-    """
+    """Algorithm 2: A learns to tell the latents apart, then E_n to deceive A."""
     if any(hook.regularise(trainer) for hook in trainer.hooks):
         return
     for _ in range(trainer.training.discriminator_iterations):
@@ -171,10 +157,7 @@ def discriminator_iteration(trainer: Trainer) -> None:
 
 
 def matching_iteration(trainer: Trainer) -> float:
-    """Take one step of the novice's encoder E_n alone, with equation (4).
-
-    The loss is that before the step.
-    """
+    """Step the novice's encoder E_n alone by equation (4); the loss before the step."""
     latents = trainer.encode("novice", trainer.sampler.matching_batch())
     loss = expected_matching_loss(trainer.discriminator.logits(latents))
     trainer.step_encoder(loss)

@@ -39,26 +39,16 @@ class Standardisation(NamedTuple):
 
     @classmethod
     def fit(cls, windows: Windows, maps_from: int = 256) -> Standardisation:
-        """Mean and standard deviation over the steps of `windows`.
+        """Mean and standard deviation over the steps of one system's windows.
 
-        Args:
-            windows: of one system.
-            maps_from: the maps' mean and standard deviation come from this number of
-                first windows.
+        Those of the maps come from the first `maps_from` windows.
         """
-        count = min(maps_from, len(windows))
-        maps = windows.first(maps_from).take(range(count)).maps
+        maps = windows.first(maps_from).maps
         map_mean, map_std = _moments(window.reshape(-1, 1) for window in maps)
         input_mean, input_std = _moments([windows.inputs.flatten(0, 1)])
-        target_mean, target_std = _moments([windows.targets.flatten(0, 1)])
-        return cls(
-            input_mean,
-            divisor(input_std),
-            map_mean[0],
-            divisor(map_std)[0],
-            target_mean,
-            target_std,
-        )
+        targets = _moments([windows.targets.flatten(0, 1)])
+        of_maps = map_mean[0], divisor(map_std)[0]
+        return cls(input_mean, divisor(input_std), *of_maps, *targets)
 
 
 #: one standardisation for all systems, or one for each by its role
@@ -109,10 +99,7 @@ def role_units(units: Units, role: str) -> Standardisation:
 
 
 def _moments(parts: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (K,), float32, of the rows of all `parts` (., K).
-
-    The standard deviation of a constant component is 0.
-    """
+    """Mean and deviation (K,), float32, of all rows (., K); 0 of a constant."""
     count, total, squares = 0, torch.zeros(()), torch.zeros(())
     for part in parts:
         rows = part.double()

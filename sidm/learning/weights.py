@@ -17,10 +17,7 @@ from sidm.settings import Training
 
 
 def scale_layers(module: nn.Module, slope: float) -> None:
-    """Set He's normal weights for layers before leaky ReLUs of a `slope`, biases of 0.
-
-    Signals keep their variance from layer to layer.
-    """
+    """He's normal weights before leaky ReLUs keep signals' variance; biases of 0."""
     for layer in module.modules():
         if isinstance(layer, (nn.Linear, nn.Conv2d)):
             nn.init.kaiming_normal_(layer.weight, a=slope)

@@ -10,10 +10,7 @@ from typing import Any
 
 @functools.cache
 def bullet() -> Any:
-    """The module PyBullet, imported without the line that it prints.
-
-    PyBullet writes that line to standard error in every process and notebook.
-    """
+    """The module PyBullet, imported without the line that it prints to stderr."""
     stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)
     try:
@@ -30,16 +27,12 @@ def bullet() -> Any:
 
 
 class Client:
-    """PyBullet's functions with the number of one connection filled in.
-
-    Each client has a connection, and so a simulation, to itself.
-    """
+    """PyBullet's functions with the number of a connection of its own filled in."""
 
     _number: int = -1
     _pybullet: Any = None  # for `close`, where PyBullet is not installed
 
     def __init__(self) -> None:
-        """Open a connection without a window."""
         self._pybullet = bullet()
         self._number = self._pybullet.connect(self._pybullet.DIRECT)
 
@@ -53,8 +46,8 @@ class Client:
     def close(self) -> None:
         """Close the connection; further calls fail.
 
-        A client that nothing refers to is closed too, because PyBullet has room for
-        about a thousand connections.
+        A client that nothing refers to is closed too: PyBullet has room for about a
+        thousand connections.
         """
         # at the interpreter's end PyBullet's functions may be gone already
         if self._number >= 0 and self._pybullet.disconnect is not None:

@@ -45,27 +45,18 @@ MAX_ATTEMPTS = 1000  # at one trajectory
 
 
 class EpisodeRules:
-    """The rules that end a trajectory early.
+    """The rules that end a trajectory early, for the causes in DISCARDS.
 
-    The causes are those of DISCARDS: the robot is stuck, at the border or rolled over,
-    or the simulation is unstable.
+    `start` is the settled state (13,), `half_width` the distance from the origin to the
+    terrain's edge, m.
     """
 
     def __init__(self, start: np.ndarray, half_width: float) -> None:
-        """Begin an episode.
-
-        Args:
-            start: the settled state (13,).
-            half_width: distance from the origin to the terrain's edge, m.
-        """
         self._half_width = half_width
         self._place, self._steps_there = start[POSITION][:2], 0
 
     def ended(self, state: np.ndarray) -> str | None:
-        """The cause that ends the trajectory at `state` (13,), or None.
-
-        Call it once after every control step.
-        """
+        """The cause that ends the trajectory at the state (13,) after a step."""
         if not np.isfinite(state).all() or np.linalg.norm(state[TWIST][:3]) > MAX_SPEED:
             return "unstable"
         if upright(state) < 0:
@@ -100,8 +91,8 @@ def simulate_attempt(
     collection: Collection,
     index: int,
     number: int,
-) -> tuple[Drive | None, str | None]:
-    """An attempt's drive and None, or None and the cause for which it is discarded."""
+) -> Drive | str:
+    """An attempt's drive, or the cause for which it is discarded."""
     terrain_seed, yaw, actions = draw_attempt(collection, index, number)
     heights = generate_terrain(system.terrain, terrain_seed)
     simulator.set_terrain(heights)
@@ -111,13 +102,13 @@ def simulate_attempt(
         states.append(simulator.step(action))
         cause = rules.ended(states[-1])
         if cause:
-            return None, cause
+            return cause
     ground = SimulatedGround(
         system.terrain, terrain_seed, checksum(heights), probe(heights)
     )
     robot = f"{collection.system} {collection.role}"
     path = np.array(states, np.float32)
-    return simulated_drive(robot, index, path, actions, ground), None
+    return simulated_drive(robot, index, path, actions, ground)
 
 
 # A worker keeps the simulator from shard to shard: building one takes a quarter of the
@@ -156,13 +147,13 @@ def simulate_trajectory(
     system = system_of(collection, system)
     role = collection.role if collection.role in ROLES else "expert"
     simulator = _simulator(system, role)
-    causes: list[str | None] = []
+    causes: list[str] = []
     for number in range(MAX_ATTEMPTS):
-        drive, cause = simulate_attempt(simulator, system, collection, index, number)
-        if drive is not None:
+        made = simulate_attempt(simulator, system, collection, index, number)
+        if isinstance(made, Drive):
             counts = tuple(causes.count(name) for name in DISCARDS)
-            return replace(drive, discarded=counts)
-        causes.append(cause)
+            return replace(made, discarded=counts)
+        causes.append(made)
     raise RuntimeError(
         f"{collection}: {MAX_ATTEMPTS} attempts at trajectory {index} ended early; "
         f"last: {causes[-1]}"
@@ -190,7 +181,7 @@ def collect(
     progress: bool = True,
     system: System | None = None,
 ) -> list[Drive]:
-    """Collect trajectories of a collection.
+    """Drives of a collection, in the order of `which`.
 
     Shards on disk are read; missing ones are simulated and written first.
 
@@ -198,23 +189,28 @@ def collect(
         root: the data folder.
         collection: what to collect.
         which: how many trajectories, the first ones; or their indices.
-        workers: number of processes; None: one for each core. Ignored with `executor`.
+        workers: number of processes; None: one for each core.
         executor: runs the shards elsewhere; its workers write into the same `root`.
         progress: whether to show a bar with the time left.
         system: robots and ground, as in `simulate_trajectory`.
 
-    Returns:
-        The drives, in the order of `which`.
-
     Raises:
-        ConfigError: see `system_of`; or the folder holds motion of other robots of the
-            same name.
+        ConfigError: the collection's system is not known or not `system`, or the folder
+            holds motion of other robots of the same name.
         ShardError: a shard on disk is damaged; the message names it.
     """
     root = Path(root).absolute()  # workers may have another working directory
+    folder = collection.folder(root)
     if system is not None:
-        _refuse_other_robots(collection.folder(root), system_of(collection, system))
-    sweep(collection.folder(root))
+        values = to_mapping(system_of(collection, system))
+        if not (folder / "system.json").exists():
+            write_record(folder / "system.json", values)
+        elif read_record(folder / "system.json") != values:
+            raise ConfigError(
+                f"{folder} has motion of other robots called '{system.name}'; "
+                "delete it or choose a new name"
+            )
+    sweep(folder)
     missing = missing_shards(root, collection, which)
     if missing:
         bullet()  # a missing PyBullet is reported before workers start
@@ -235,21 +231,6 @@ def collection_bar(collection: Collection, total: int, shown: bool) -> Bar:
     """A progress bar that counts `total` trajectories of a collection."""
     title = f"{collection.system} {collection.role} {collection.policy}"
     return progress_bar(total, title, "trajectory", shown)
-
-
-def _refuse_other_robots(folder: Path, system: System) -> None:
-    """Raise ConfigError where a folder's shards are of another system of the same name.
-
-    The system's values are written beside the shards when the folder is first used.
-    """
-    path, values = folder / "system.json", to_mapping(system)
-    if not path.exists():
-        write_record(path, values)
-    elif read_record(path) != values:
-        raise ConfigError(
-            f"{folder} has motion of other robots called '{system.name}'; "
-            "delete it or choose a new name"
-        )
 
 
 def discards(drives: list[Drive]) -> dict[str, int]:

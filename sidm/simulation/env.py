@@ -70,16 +70,10 @@ class Rover(gymnasium.Env):
         pixels: int = 64,
         render_mode: str | None = None,
     ) -> None:
-        """Choose the robot.
+        """Choose the robot: a pair or its name, and 'novice' or 'expert'.
 
-        Args:
-            system: a pair of robots and their ground, or the name of a known one.
-            role: which robot of the pair, 'novice' or 'expert'.
-            pixels: side of the observed map, pixels.
-            render_mode: 'rgb_array' for pictures, or None.
-
-        Raises:
-            ValueError: `pixels` is below 1, or `render_mode` is not known.
+        `pixels` are along a side of the observed map; `render_mode` is 'rgb_array' for
+        pictures, or None.
         """
         if pixels < 1:
             raise ValueError(f"pixels must be 1 or more, not {pixels}")
@@ -104,11 +98,7 @@ class Rover(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Drop the robot on new ground; `options` as the class says.
-
-        Raises:
-            ValueError: an option is unknown.
-        """
+        """Drop the robot on new ground; `options` as the class says."""
         super().reset(seed=seed)
         options = dict(options or {})
         terrain_seed = int(options.pop("terrain_seed", self.np_random.integers(2**62)))
@@ -122,22 +112,19 @@ class Rover(gymnasium.Env):
             )
         if heights is None:
             heights = generate_terrain(self.system.terrain, terrain_seed)
-        self._set_terrain(np.asarray(heights, float))
+        heights = np.asarray(heights, float)
+        simulator, visible = self._simulator, self.render_mode is not None
+        if simulator and not visible and heights.shape == simulator.heights.shape:
+            simulator.set_terrain(heights)
+        else:  # a new simulator only if needed
+            self.close()
+            physics = self.system.physics
+            self._simulator = Simulator(self.robot, heights, physics, visible=visible)
         state = self.simulator.reset(x, y, yaw)
         size = min(self.simulator.heights.shape) - 1
         self._rules = EpisodeRules(state, size * self.system.terrain.spacing / 2)
         self._observation = self._observe(state, np.zeros(ACTION_SIZE))
         return copy.deepcopy(self._observation), {"state": state, "ended": None}
-
-    def _set_terrain(self, heights: np.ndarray) -> None:
-        """Put the robot on a terrain (H, W), m, with a new simulator only if needed."""
-        simulator, visible = self._simulator, self.render_mode is not None
-        if simulator and not visible and heights.shape == simulator.heights.shape:
-            simulator.set_terrain(heights)
-            return
-        self.close()
-        physics = self.system.physics
-        self._simulator = Simulator(self.robot, heights, physics, visible=visible)
 
     def step(
         self, action: np.ndarray
@@ -152,10 +139,7 @@ class Rover(gymnasium.Env):
         return observation, 0.0, terminated, truncated, {"state": state, "ended": cause}
 
     def render(self) -> np.ndarray | None:
-        """A picture (480, 640, 3), uint8, from a camera that follows the robot.
-
-        Without a render mode there is no picture: None.
-        """
+        """A picture (480, 640, 3), uint8, of the robot; None without a render mode."""
         return self.simulator.picture() if self.render_mode else None
 
     def close(self) -> None:
@@ -165,16 +149,12 @@ class Rover(gymnasium.Env):
             self._simulator = None
 
     def _observe(self, state: np.ndarray, action: np.ndarray) -> Observation:
+        """The observation of a state (13,) after an action (2,).
+
+        Axes of the map are those of `sidm.learning.robot_centred_map`.
+        """
         up = _attitude(state)[2]
         motion = np.concatenate([up, state[TWIST], np.clip(action, -1, 1)])
-        return {"motion": motion.astype(np.float32), "map": self._map(state)}
-
-    def _map(self, state: np.ndarray) -> np.ndarray:
-        """The robot-centred map (P, P), m.
-
-        Axis 0 runs along the body's y, axis 1 along its x, as in
-        `sidm.learning.robot_centred_map`.
-        """
         offsets = ((np.arange(self.pixels) + 0.5) / self.pixels - 0.5) * MAP_SIZE
         forward, left = offsets[None, :], offsets[:, None]
         cos, sin = _heading(state)
@@ -184,7 +164,8 @@ class Rover(gymnasium.Env):
             x + cos * forward - sin * left,
             y + sin * forward + cos * left,
         )
-        return (ground - z).astype(np.float32)
+        seen = {"motion": motion, "map": ground - z}
+        return {name: values.astype(np.float32) for name, values in seen.items()}
 
 
 class ReachPoint(gymnasium.Wrapper):
@@ -202,16 +183,9 @@ class ReachPoint(gymnasium.Wrapper):
         farthest: float = 8.0,
         radius: float = 0.5,
     ) -> None:
-        """Wrap an environment.
+        """Wrap a `Rover`; goals are `nearest` to `farthest` from the start, m.
 
-        Args:
-            env: a `Rover`, wrapped or not.
-            nearest: least distance of a goal from the start, m.
-            farthest: greatest distance of a goal from the start, m.
-            radius: a robot that is nearer to the goal than this has reached it, m.
-
-        Raises:
-            ValueError: not `radius < nearest <= farthest`.
+        A robot that is nearer to the goal than `radius`, m, has reached it.
         """
         super().__init__(env)
         if not radius < nearest <= farthest:

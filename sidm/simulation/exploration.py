@@ -31,10 +31,7 @@ def ornstein_uhlenbeck(steps: int, rng: np.random.Generator) -> np.ndarray:
 def _filtered_walk(
     shocks: list[float], mean: float, pull: float, keep: float
 ) -> list[float]:
-    """Values after each step of a random walk, low-pass filtered and within [-1, 1].
-
-    A step pulls the walk towards its mean and adds a shock.
-    """
+    """A random walk with a pull to its mean, low-pass filtered, within [-1, 1]."""
     walk = smooth = 0.0
     outputs = []
     for shock in shocks:
@@ -50,10 +47,7 @@ def sinusoid(steps: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def bounded_noise(steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (T, 2) of a fast mean-reverting random walk behind a low-pass filter.
-
-    A hyperbolic tangent bounds them.
-    """
+    """Actions (T, 2): tanh of a fast mean-reverting walk behind a low-pass filter."""
     walk, smooth, actions = np.zeros(2), np.zeros(2), np.empty((steps, 2))
     for step, shock in enumerate(rng.normal(0.0, 0.5, (steps, 2))):
         walk = 0.9 * walk + shock
@@ -74,16 +68,7 @@ POLICIES: dict[str, Callable[[int, np.random.Generator], np.ndarray]] = {
 
 
 def draw_actions(policy: str, steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw the actions of one trajectory.
-
-    Args:
-        policy: name of an exploration policy, one of POLICIES.
-        steps: number of control steps.
-        rng: draws the actions.
-
-    Returns:
-        Actions (steps, 2), each (throttle, steering) in [-1, 1].
-    """
+    """Actions (steps, 2), (throttle, steering) in [-1, 1], by one of POLICIES."""
     if policy not in POLICIES:
         raise unknown_name(policy, POLICIES, kind="exploration policy")
     return POLICIES[policy](steps, rng)

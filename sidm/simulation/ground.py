@@ -12,20 +12,15 @@ COLOUR = (0.78, 0.74, 0.68, 1.0)  # red, green, blue, opacity, in pictures
 
 
 class HeightField:
-    """The body in Bullet that the robot drives on.
+    """The body in Bullet that the robot drives on, with heights (H, W), m, float64.
 
-    Its heights can be replaced: building a new height field takes Bullet twice as long,
+    They can be replaced: building a new height field takes Bullet twice as long,
     because Bullet then prepares to draw it.
-
-    Attributes:
-        heights: (H, W), m, float64.
-        body: number of the body in Bullet.
     """
 
     def __init__(
         self, client: Client, heights: np.ndarray, physics: Physics, visible: bool
     ) -> None:
-        """Build the body."""
         self._client, self._visible = client, visible
         self.heights = _checked(heights)
         # Bullet keeps the bounds of the heights that a shape is built with. These
@@ -37,10 +32,10 @@ class HeightField:
         # Without a visual shape PyBullet would draw all triangles, which takes as long
         # as building them.
         hidden = client.createVisualShape(client.GEOM_SPHERE, radius=1e-3)
-        self.body = client.createMultiBody(0, self._shape, hidden)
-        client.changeVisualShape(self.body, -1, rgbaColor=COLOUR)
+        body = client.createMultiBody(0, self._shape, hidden)
+        client.changeVisualShape(body, -1, rgbaColor=COLOUR)
         client.changeDynamics(
-            self.body,
+            body,
             -1,
             restitution=0.0,
             lateralFriction=physics.ground_friction,
@@ -64,10 +59,7 @@ class HeightField:
         )
 
     def _draw(self) -> None:
-        """Add a second body that is drawn but touches nothing.
-
-        Bullet would draw the first body with the heights that it was built with.
-        """
+        """Add a body that is drawn: Bullet would draw the first one's first heights."""
         client = self._client
         # Bullet puts the middle of the heights' range at the body's origin
         middle = (self.heights.max() + self.heights.min()) / 2
@@ -88,20 +80,6 @@ class HeightField:
             )
         self.heights = heights
         self._height_field(heights, replaceHeightfieldIndex=self._shape)
-
-    def ray_heights(self, points: np.ndarray) -> np.ndarray:
-        """Heights (N,), m, where vertical rays at points (N, 2), m, meet the ground.
-
-        They are NaN where a ray misses the ground or hits the robot.
-        """
-        top, bottom = self.heights.max() + 1, self.heights.min() - 1
-        batches = -(-len(points) // self._client.MAX_RAY_INTERSECTION_BATCH_SIZE)
-        heights: list[float] = []
-        for batch in np.array_split(points, batches):
-            starts, ends = ([[*point, z] for point in batch] for z in (top, bottom))
-            hits = self._client.rayTestBatch(starts, ends)
-            heights += [hit[3][2] if hit[0] == self.body else np.nan for hit in hits]
-        return np.array(heights)
 
 
 def _checked(heights: np.ndarray) -> np.ndarray:

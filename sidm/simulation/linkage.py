@@ -24,10 +24,7 @@ REACH = (-0.06, 0.02)  # m, strut travel; beyond it the linkage passes a dead po
 
 
 class Pose(NamedTuple):
-    """Pose of an axle relative to its pose with both struts at zero.
-
-    The axle is rotated first, then shifted.
-    """
+    """Rotation, then shift, of an axle from its pose with both struts at zero."""
 
     rotation: np.ndarray  # (3, 3)
     shift: np.ndarray  # (3,), m
@@ -62,11 +59,7 @@ class AxleJoints(NamedTuple):
         return (a * heave_angle + b) * heave_angle + c
 
     def roll_rate(self, travel: float) -> float:
-        """Roll, rad/m, per half the difference of left and right travel.
-
-        Args:
-            travel: mean travel of the struts, m.
-        """
+        """Roll, rad/m, per (left - right) / 2 at a mean travel of the struts, m."""
         growth, rate = self.roll_rates
         return growth * travel + rate
 
@@ -103,12 +96,7 @@ def twists(axle: str, pose: Pose) -> np.ndarray:
 
 
 def axle_pose(axle: str, travel: tuple[float, float]) -> Pose:
-    """The pose of an axle with its links closed, by Newton's method.
-
-    Args:
-        axle: 'rear' or 'front'.
-        travel: of the right and the left strut, m.
-    """
+    """The pose of an axle at travels (right, left), m, with links closed by Newton."""
     ends = rods(axle)
     wanted = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     wanted[4:] -= travel
@@ -133,17 +121,12 @@ def axle_pose(axle: str, travel: tuple[float, float]) -> Pose:
 
 @functools.cache  # a worker builds the same robot thousands of times
 def axle_joints(axle: str, lower: float, upper: float) -> AxleJoints:
-    """The two joints of an axle: heave on the chassis, then roll.
+    """The joints of an axle with strut travels from `lower` to `upper`, m.
 
     The joints' axes are those at the middle of the struts' travel. In the linkage the
     axes move with the heave, so a strut's travel is not quite proportional to the
     heave's angle, nor the roll to the difference of the travels. Polynomials follow
     these relations.
-
-    Args:
-        axle: 'rear' or 'front'.
-        lower: least travel of the struts, m.
-        upper: greatest travel of the struts, m.
     """
     if lower < REACH[0] or upper > REACH[1]:
         raise ValueError(

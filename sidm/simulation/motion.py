@@ -7,11 +7,7 @@ from pathlib import Path
 from sidm.config import ConfigError, hint
 from sidm.drives import Drive
 from sidm.shards import Collection, trajectories_for
-from sidm.simulation.collecting import (
-    collect,
-    collection_bar,
-    simulate_trajectory,
-)
+from sidm.simulation.collecting import collect, collection_bar, simulate_trajectory
 from sidm.simulation.exploration import POLICIES
 from sidm.systems import ROLES, System, find_system
 
@@ -48,11 +44,6 @@ def simulate(
 
     Returns:
         The drives, each with states (65, 13), actions (64, 2) and the ground.
-
-    Raises:
-        ConfigError: the system, role or policy is unknown, or the minutes are not
-            positive.
-        ImportError: PyBullet is not installed.
 
     Examples:
         >>> system = sidm.SYSTEMS["system1"]

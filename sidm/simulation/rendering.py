@@ -29,10 +29,7 @@ class Cylinder(NamedTuple):
 
 
 class DrawnRods:
-    """The links and struts of both axles as shapes without mass or contact.
-
-    They are moved to their places before each picture.
-    """
+    """The links and struts as shapes without mass, moved before each picture."""
 
     def __init__(
         self,

@@ -125,10 +125,8 @@ def _axle(robot: Robot, axle: str, suspension: Suspension) -> list[str]:
 def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints) -> list[str]:
     """Hub and tyre of one wheel; a front hub turns about its kingpin."""
     scale, signs, place = robot.mass_scale, mirror(axle, side), joints.pose.place
-    centre, tyre = (
-        place(signs * sizes.REAR_LEFT_HUB),
-        place(signs * sizes.REAR_LEFT_TYRE),
-    )
+    centre = place(signs * sizes.REAR_LEFT_HUB)
+    tyre = place(signs * sizes.REAR_LEFT_TYRE)
     if axle == "front":
         kind, pivot = "continuous", place(sizes.FRONT_LEFT_KINGPIN * (1, signs[1], 1))
     else:
@@ -150,22 +148,11 @@ def _wheel(robot: Robot, axle: str, side: str, joints: AxleJoints) -> list[str]:
 
 
 def urdf(robot: Robot, suspensions: Mapping[str, Suspension]) -> str:
-    """The robot as URDF text, from the suspensions of its 'rear' and 'front' axle.
-
-    HEAVES, ROLLS, WHEELS and KINGPINS are the names of its joints.
-    """
+    """The robot as URDF text, with joints HEAVES, ROLLS, WHEELS and KINGPINS."""
     size = _numbers(sizes.CHASSIS_SIZE)
     box = f'rpy="0 0 0"/><geometry><box size="{size}"/></geometry>'
-    parts = [
-        _link(
-            "chassis",
-            sizes.CHASSIS_MASS,
-            (0, 0, 0),
-            sizes.CHASSIS_INERTIA,
-            box,
-            CHASSIS_COLOUR,
-        )
-    ]
+    mass, inertia = sizes.CHASSIS_MASS, sizes.CHASSIS_INERTIA
+    parts = [_link("chassis", mass, (0, 0, 0), inertia, box, CHASSIS_COLOUR)]
     for axle in AXLES:
         parts += _axle(robot, axle, suspensions[axle])
     lines = ['<?xml version="1.0"?>', '<robot name="rover">', *parts, "</robot>", ""]

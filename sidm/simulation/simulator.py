@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from typing import Any
 
@@ -20,7 +21,7 @@ RELEASED = Physics()  # the constants of the released simulator
 START_RADIUS = 1.0  # m, the robot is dropped above the highest ground within it
 
 
-class Simulator:
+class Simulator(contextlib.AbstractContextManager):
     """A robot on a terrain, stepped at 10 Hz; a context manager.
 
     Args:
@@ -41,28 +42,14 @@ class Simulator:
         """Build the terrain and the robot; nothing is simulated before `reset`."""
         self.robot, self.physics, self._visible = robot, physics, visible
         self._suspensions = {axle: Suspension(robot, axle, physics) for axle in AXLES}
-        self._start(heights)
-
-    def __enter__(self) -> Simulator:
-        """This simulator."""
-        return self
+        self._build(heights)
 
     def __exit__(self, *_: Any) -> None:
-        """Close the connection to Bullet."""
         self.close()
 
     def close(self) -> None:
         """Free the simulation; further calls fail."""
         self._client.close()
-
-    def _start(self, heights: np.ndarray) -> None:
-        self._client = Client()
-        try:
-            self._build(heights)
-        except Exception:
-            self.close()
-            raise
-        self._pristine = self._client.saveState()
 
     def _restart(self) -> None:
         """Go back to the moment after building."""
@@ -71,7 +58,7 @@ class Simulator:
             self._client.restoreState(self._pristine)
         else:
             self.close()
-            self._start(self.heights)
+            self._build(self.heights)
 
     @property
     def heights(self) -> np.ndarray:
@@ -79,7 +66,8 @@ class Simulator:
         return self._ground.heights
 
     def _build(self, heights: np.ndarray) -> None:
-        client, physics = self._client, self.physics
+        self._client, physics = Client(), self.physics
+        client = self._client
         client.setGravity(0, 0, -physics.gravity)
         client.setPhysicsEngineParameter(
             fixedTimeStep=physics.time_step,
@@ -126,6 +114,7 @@ class Simulator:
             # in Bullet a joint and the link that it moves have the same number
             axles = dict(zip(AXLES, self._axles[1::2], strict=True))
             self._rods = DrawnRods(client, self._body, axles, self._suspensions)
+        self._pristine = client.saveState()
 
     def set_terrain(self, heights: np.ndarray) -> None:
         """Replace the terrain by heights (H, W), m, of one shape; call `reset` next.
@@ -139,17 +128,10 @@ class Simulator:
         self._pristine = self._client.saveState()
 
     def reset(self, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> np.ndarray:
-        """Drop the robot on the ground and let it settle.
+        """Drop the robot on the ground at x and y, m; the state (13,) after settling.
 
-        All history is erased: the result is that of a new Simulator, bit for bit.
-
-        Args:
-            x: where the robot is dropped, m.
-            y: where the robot is dropped, m.
-            yaw: heading of the robot, rad.
-
-        Returns:
-            The state (13,) after settling.
+        Its heading is `yaw`, rad. All history is erased: the result is that of a new
+        Simulator, bit for bit.
         """
         self._restart()
         client, physics = self._client, self.physics
@@ -168,16 +150,9 @@ class Simulator:
         return self.state
 
     def step(self, action: np.ndarray) -> np.ndarray:
-        """Apply an action for one control step.
+        """The state (13,) after a control step with an action (throttle, steering).
 
-        Args:
-            action: (throttle, steering), each clipped to [-1, 1].
-
-        Returns:
-            The state (13,) after the step.
-
-        Raises:
-            ValueError: the action is not two finite numbers.
+        Both are clipped to [-1, 1].
         """
         action = np.asarray(action, float)
         if action.shape != (2,) or not np.isfinite(action).all():
@@ -258,13 +233,6 @@ class Simulator:
         states = self._client.getJointStates(self._body, joints)
         return np.array([joint[0] for joint in states])
 
-    def ray_heights(self, points: np.ndarray) -> np.ndarray:
-        """Heights (N,), m, where vertical rays at points (N, 2), m, meet the ground.
-
-        They are NaN where a ray misses the ground or hits the robot.
-        """
-        return self._ground.ray_heights(points)
-
     def picture(
         self,
         width: int = 640,
@@ -273,19 +241,11 @@ class Simulator:
         yaw: float = 40.0,
         pitch: float = -25.0,
     ) -> np.ndarray:
-        """A picture of the robot, drawn by Bullet's software renderer.
+        """A picture (height, width, 3), uint8, drawn by Bullet's software renderer.
 
-        The ground appears only in a simulator made with `visible=True`.
-
-        Args:
-            width: of the picture, pixels.
-            height: of the picture, pixels.
-            distance: of the camera from the body, m.
-            yaw: of the camera about the vertical, degrees.
-            pitch: of the camera, degrees, negative from above.
-
-        Returns:
-            The picture (height, width, 3), uint8.
+        The ground appears only in a simulator made with `visible=True`. The camera is
+        at a `distance`, m, from the body; its yaw about the vertical and its pitch,
+        negative from above, are in degrees.
         """
         client = self._client
         if self._visible:

@@ -31,10 +31,7 @@ STOP_BLEND = 0.004
 
 
 class Brake(NamedTuple):
-    """The motion of a braked axle, beside its spring and damper.
-
-    Stiffness and dampings are multiplied by the robot's mass scale.
-    """
+    """The motion of a braked axle; stiffness and damping times the mass scale."""
 
     #: share of the spring's and damper's force that acts in heave; 0: no heave at all
     heave_share: float
@@ -74,10 +71,9 @@ FREE = Brake(
 
 
 class Suspension:
-    """The struts of one axle: torques on its two joints, and the struts' travel.
+    """The struts of a robot's 'rear' or 'front' axle.
 
     Attributes:
-        robot: the robot's parameters.
         slip: half the difference of the struts' travels, left minus right, m. The
             elastic links connect it to the axle's roll. It has no mass, so it is a
             state here and not in Bullet.
@@ -86,7 +82,6 @@ class Suspension:
     """
 
     def __init__(self, robot: Robot, axle: str, physics: Physics) -> None:
-        """Build the suspension of a robot's 'rear' or 'front' axle at zero travel."""
         law = BRAKED[axle] if physics.strut_motors else FREE
         self.robot, self.slip, self._dt = robot, 0.0, physics.time_step
         self.heave_free = law.heave_share > 0

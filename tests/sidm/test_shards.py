@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sidm import shards
 from sidm.config import ConfigError, replace
-from sidm.drives import PROBES, STEPS, GroundError, SimulatedGround, probe
+from sidm.drives import PROBES, GroundError, SimulatedGround, probe
 from sidm.shards import SHARD_SIZE, Collection, ShardError, novice_split
 from sidm.storage import checksum, read_arrays, write_arrays
 from sidm.systems import SYSTEMS
@@ -18,26 +18,20 @@ TERRAIN = SYSTEMS["system1"].terrain
 minutes = st.floats(0.1, 60)
 
 
-def fill(root, count):
-    """Write shards of made-up drives; returns the drives."""
-    rng, made = np.random.default_rng(0), []
-    for i in range(SHARD_SIZE * count):
-        seed, heights = 2**62 - 1 - i, rng.uniform(0, 2, PROBES)
-        ground = SimulatedGround(TERRAIN, seed, f"{i:016x}", heights)
-        states = rng.normal(size=(STEPS + 1, 13)).astype(np.float32)
-        actions = rng.uniform(-1, 1, (STEPS, 2)).astype(np.float32)
-        made.append(
-            shards.simulated_drive("rover", i, states, actions, ground, (i, 0, 1, 0))
-        )
-    for k in range(count):
-        path = COLLECTION.shard(root, k)
-        shards.write_shard(path, made[SHARD_SIZE * k : SHARD_SIZE * (k + 1)])
-    return made
+def fill(root, drives):
+    """Write shards of drives."""
+    for number, first in enumerate(range(0, len(drives), SHARD_SIZE)):
+        path = COLLECTION.shard(root, number)
+        shards.write_shard(path, drives[first : first + SHARD_SIZE])
 
 
-def test_what_is_written_is_read_without_pickle(tmp_path):
-    made = fill(tmp_path, 2)
-    read = shards.load(tmp_path, COLLECTION, SHARD_SIZE + 1)
+def test_what_is_written_is_read_without_pickle(
+    tmp_path, make_trajectories, small_terrain
+):
+    made = make_trajectories(2 * SHARD_SIZE)
+    made[1] = replace(made[1], discarded=(1, 0, 2, 0))
+    fill(tmp_path, made)
+    read = shards.load(tmp_path, COLLECTION, SHARD_SIZE + 1, small_terrain)
     assert len(read) == SHARD_SIZE + 1
     for before, after in zip(made, read, strict=False):
         assert np.array_equal(before.states, after.states)
@@ -54,14 +48,14 @@ def test_what_is_written_is_read_without_pickle(tmp_path):
         assert all(data[name].dtype != object for name in data.files)
 
 
-def test_a_damaged_foreign_or_missing_shard_is_named(tmp_path):
-    fill(tmp_path, 1)
+def test_a_damaged_foreign_or_missing_shard_is_named(tmp_path, make_trajectories):
+    fill(tmp_path, make_trajectories(SHARD_SIZE))
     path = COLLECTION.shard(tmp_path, 0)
     with pytest.raises(ShardError, match="shard-00001.npz.*collect"):
         shards.load(tmp_path, COLLECTION, SHARD_SIZE + 1)
     members = read_arrays(path)
     write_arrays(path, members | {"states": members["states"][:, :-1]})
-    with pytest.raises(ShardError, match=r"states .* not \(64, 13\) and"):
+    with pytest.raises(ShardError, match=r"states .* not \(6, 13\) and"):
         shards.read_shard(path, TERRAIN)
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(ShardError, match="damaged.*delete it") as caught:

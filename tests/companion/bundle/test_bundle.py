@@ -15,7 +15,7 @@ from ownrobot.methods.fine_tuning import pretrained_from
 from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
 from sidm.learning.arithmetic import matmul_precision
-from sidm.learning.resuming import Checkpoint
+from sidm.learning.checkpoint import Checkpoint
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import prediction_phase, regularisation_phase
 

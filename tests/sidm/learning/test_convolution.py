@@ -5,6 +5,7 @@ import torch
 from torch import nn
 
 from sidm.learning import Encoder, Network, convolution
+from sidm.learning.arithmetic import one_thread
 from sidm.learning.networks import seeded
 
 #: tolerance: sums of up to about 50,000 products run in another order
@@ -12,11 +13,9 @@ ROUNDING = {torch.float32: 1e-4, torch.float64: 1e-12}
 
 
 @pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+def on_one_thread():
+    with one_thread():
+        yield
 
 
 def layers_of(channels=(8, 4), kernel=4, dtype=torch.float32, slope=0.01):
@@ -29,10 +28,10 @@ def numbers(*shape, dtype=torch.float32, seed=1) -> torch.Tensor:
     return torch.randn(*shape, generator=generator, dtype=torch.float64).to(dtype)
 
 
-def features(layers: nn.Sequential, maps: torch.Tensor, *units) -> torch.Tensor:
+def features(layers: nn.Sequential, maps: torch.Tensor) -> torch.Tensor:
     """Features of maps; the numbers that stand behind them must stay."""
     beside = numbers(len(maps), 3, dtype=maps.dtype, seed=3)
-    outputs = convolution.features(layers, maps, beside, *units)
+    outputs = convolution.features(layers, maps, beside, 0.1, 0.3)
     assert torch.equal(outputs[:, -3:], beside)
     return outputs[:, :-3]
 
@@ -62,8 +61,8 @@ def test_features_and_gradients_are_pytorchs(count, pixels, channels, slope, dty
     layers = layers_of(channels, dtype=dtype, slope=slope)
     maps = numbers(pixels, pixels, count, dtype=dtype).permute(2, 1, 0)
     assert fast(layers, maps)  # whatever the layout of the maps
-    outputs = features(layers, maps, 0.1, 0.3)
-    again = features(layers, maps[count // 2 :], 0.1, 0.3)
+    outputs = features(layers, maps)
+    again = features(layers, maps[count // 2 :])
     assert torch.equal(outputs[count // 2 :], again)  # whatever stands beside a map
     expected = layers(((maps - 0.1) / 0.3)[:, None]).movedim(1, -1).flatten(1)
     found, wanted = gradients(layers, outputs), gradients(layers, expected)
@@ -73,24 +72,14 @@ def test_features_and_gradients_are_pytorchs(count, pixels, channels, slope, dty
         assert torch.allclose(mine, theirs, rtol=0, atol=allowed)
 
 
-@pytest.mark.parametrize(
-    ("layers", "maps"),
-    [
-        (layers_of((6, 4)), numbers(2, 9, 9)),
-        (layers_of((8, 3)), numbers(2, 9, 9)),
-        (layers_of(kernel=3), numbers(2, 9, 9)),
-        (layers_of(), numbers(2, 9, 9, dtype=torch.float64)),
-        (layers_of(), numbers(2, 9, 9).requires_grad_()),
-        (layers_of(dtype=torch.bfloat16), numbers(2, 9, 9).bfloat16()),
-    ],
-)
-def test_what_pytorch_computes(layers, maps):
-    assert not fast(layers, maps)
-
-
 def test_where_pytorch_is_left_to_it():
     layers, maps = layers_of(), numbers(2, 9, 9)
     assert fast(layers, maps) and not fast(layers, maps, requires_grad=True)
+    for others in (layers_of((6, 4)), layers_of((8, 3)), layers_of(kernel=3)):
+        assert not fast(others, maps)
+    assert not fast(layers, maps.double())
+    assert not fast(layers, maps.clone().requires_grad_())
+    assert not fast(layers_of(dtype=torch.bfloat16), maps.bfloat16())
     with torch.autocast("cpu", torch.bfloat16):
         assert not fast(layers, maps)
     torch.set_num_threads(2)

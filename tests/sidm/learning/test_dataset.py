@@ -11,11 +11,10 @@ from sidm.config import replace
 from sidm.learning import Standardisation, Windows, dataset, observation, windows_of
 from sidm.learning.model import DynamicsModel
 from sidm.learning.units import loss_weights
-from sidm.shards import SHARD_SIZE, Collection, ShardError, write_shard
+from sidm.shards import SHARD_SIZE, ShardError
 from sidm.terrain import generate_terrain
 from tests.ownrobot.cart import CART
-
-COLLECTION = Collection(system="system1", role="novice")
+from tests.sidm.test_shards import COLLECTION, fill
 
 
 @pytest.fixture
@@ -26,9 +25,7 @@ def drives(make_trajectories):
 @pytest.fixture
 def stored(tmp_path, drives, small_terrain):
     """A function that loads windows of the drives, which are on disk."""
-    for number, first in enumerate(range(0, len(drives), SHARD_SIZE)):
-        path = COLLECTION.shard(tmp_path, number)
-        write_shard(path, drives[first : first + SHARD_SIZE])
+    fill(tmp_path, drives)
 
     def load(count: int, pixels: int = 8) -> Windows:
         return dataset.load_windows(tmp_path, COLLECTION, count, small_terrain, pixels)

@@ -105,26 +105,19 @@ def state(x=0.0, y=0.0, up=1.0, speed=0.0):
     return values
 
 
-def test_stuck_after_more_than_25_steps_in_one_place():
-    rules = EpisodeRules(state(), 14.95)
-    assert [rules.ended(state(x=0.05)) for _ in range(25)] == [None] * 25
-    assert rules.ended(state(x=0.05)) == "stuck"
-    rules = EpisodeRules(state(), 14.95)
-    assert not any(rules.ended(state(x=0.11 * k)) for k in range(100))
-
-
-@pytest.mark.parametrize(
-    ("where", "cause"),
-    [
+def test_border_rollover_instability_and_standing_still_end_an_episode():
+    for where, cause in (
         ({"x": 13.9}, None),
         ({"y": -14.0}, "border"),
         ({"up": -1}, "rollover"),
         ({"speed": 15.1}, "unstable"),
         ({"x": np.nan}, "unstable"),
-    ],
-)
-def test_border_rollover_and_instability_end_an_episode(where, cause):
-    assert EpisodeRules(state(), 14.95).ended(state(**where)) == cause
+    ):
+        assert EpisodeRules(state(), 14.95).ended(state(**where)) == cause
+    still, slow = EpisodeRules(state(), 14.95), EpisodeRules(state(), 14.95)
+    assert [still.ended(state(x=0.05)) for _ in range(25)] == [None] * 25
+    assert still.ended(state(x=0.05)) == "stuck"
+    assert not any(slow.ended(state(x=0.11 * k)) for k in range(100))
 
 
 @pytest.mark.parametrize("policy", POLICIES)
@@ -146,8 +139,5 @@ def test_ornstein_uhlenbeck_throttle_has_the_stated_mean_and_steering_wanders_wi
     deviation = 0.025 / np.sqrt(2 * 0.0125)
     assert actions[:, 20:, 0].std() == pytest.approx(deviation, rel=0.25)
     assert actions[:, -1, 1].std() > 0.5
-
-
-def test_an_unknown_policy_is_named_with_the_nearest():
     with pytest.raises(ConfigError, match="ornstein_uhlenbek.*ornstein_uhlenbeck"):
         draw_actions("ornstein_uhlenbek", 4, np.random.default_rng(0))

@@ -38,9 +38,11 @@ def test_wheels_touch_the_ground_of_the_height_map_on_several_terrains_in_one_pr
     points = np.random.default_rng(0).uniform(-14.9, 14.9, (1500, 2))
     for name, seed in [("system2", 1), ("system1", 2)]:
         heights = generate_terrain(SYSTEMS[name].terrain, seed)
+        starts, ends = (np.insert(points, 2, z, axis=1).tolist() for z in (99, -1))
         with Simulator(SYSTEMS[name].novice, heights) as simulator:
-            hits = simulator.ray_heights(points)
-        assert np.abs(hits - height_at(heights, *points.T)).max() < 1e-3
+            hits = simulator._client.rayTestBatch(starts, ends)
+        found = np.array([hit[3][2] for hit in hits])
+        assert np.abs(found - height_at(heights, *points.T)).max() < 1e-3
 
 
 def test_a_used_failed_or_visible_simulator_drives_as_a_new_one_does(rough):
