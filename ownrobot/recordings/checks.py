@@ -29,10 +29,7 @@ JUMP, JUMP_RATIO = 1.0, 5.0
 
 
 def has_twist(body: Body) -> bool:
-    """Whether a body's state has attitude, velocity and angular velocity.
-
-    The three can then be compared with each other.
-    """
+    """Whether a state has attitude and velocities, which can then be compared."""
     return body.pose == "spatial" and body.columns[: len(TWIST)] == TWIST
 
 
@@ -41,9 +38,7 @@ def refuse_numbers(
 ) -> None:
     """Refuse states (R, S) or actions (R, A) with a number that cannot be measured."""
     numbers = np.hstack([states, actions])
-    bad = np.argwhere(~(np.abs(numbers) <= LARGEST))
-    if len(bad):
-        row, column = bad[0]
+    for row, column in np.argwhere(~(np.abs(numbers) <= LARGEST))[:1]:
         title, value = (*body.state, *body.actions)[column][0], numbers[row, column]
         fault = f"{value:.4g}, beyond 1e15" if np.isfinite(value) else "not finite"
         raise RecordingError(
@@ -52,13 +47,10 @@ def refuse_numbers(
 
 
 def refuse_angles(name: str, column: str, angles: np.ndarray) -> None:
-    """Refuse angles (R,), rad, that jump by more than a turn and a half.
-
-    Radians jump by one turn where they are wrapped; degrees jump by 360.
-    """
+    """Refuse angles (R,), rad, that jump as degrees do where they are wrapped."""
     steps = np.abs(np.diff(angles))
-    row = int(steps.argmax()) if len(steps) else 0
-    if len(steps) and steps[row] > 3 * np.pi:
+    row = int(steps.argmax())
+    if steps[row] > 3 * np.pi:
         raise RecordingError(
             f"{name}: '{column}' jumps by {steps[row]:.4g} rad after row {row + 1}; "
             "is it in degrees? Name its unit"
@@ -88,10 +80,7 @@ def refuse_times(name: str, time: np.ndarray) -> float:
 
 
 def pauses(time: np.ndarray, rate: float) -> np.ndarray:
-    """Numbers (P,) of the rows before which a recording pauses.
-
-    A time that is hardly longer than a control step at `rate`, Hz, is no pause.
-    """
+    """Numbers (P,) of the rows before which a recording pauses; `rate` is in Hz."""
     steps = np.diff(time)
     return np.flatnonzero(steps > max(GAP * np.median(steps), LEAST_PAUSE / rate)) + 1
 
@@ -99,10 +88,7 @@ def pauses(time: np.ndarray, rate: float) -> np.ndarray:
 def refuse_slower(
     name: str, row_rate: float, pose_rate: float | None, body: Body
 ) -> None:
-    """Refuse a body whose rate is above that of the recorded numbers.
-
-    These are rows a second, and new values of the pose a second where it changes, Hz.
-    """
+    """Refuse a body with a higher rate than the rows or the new poses have, Hz."""
     for rate, what in ((row_rate, "rows come"), (pose_rate, "its pose is new")):
         if rate is not None and body.rate > FASTER * rate:
             mend = f"write 'rate: {plain_rate(rate):.3g} Hz' in the body"
@@ -133,15 +119,10 @@ def unit_quaternions(name: str, quaternions: np.ndarray) -> np.ndarray:
 
 
 def within_limits(name: str, actions: np.ndarray, body: Body) -> np.ndarray:
-    """Actions (K, A), with throttle and steering of the paper's robots in [-1, 1].
-
-    Values that rounding took a little outside are clipped. Others are refused.
-    """
+    """Actions (K, A); throttle and steering beyond [-1, 1] are clipped or refused."""
     if body.actions != DRIVE:
         return actions
-    beyond = np.argwhere(np.abs(actions) > 1 + BEYOND)
-    if len(beyond):
-        row, column = beyond[0]
+    for row, column in np.argwhere(np.abs(actions) > 1 + BEYOND)[:1]:
         action, value = body.actions[column][0], actions[row, column]
         raise RecordingError(
             f"{name}: {action} in step {row + 1} is {value:.4g}, not in [-1, 1]; "
@@ -158,11 +139,9 @@ def whole_ground(name: str, ground: Ground) -> Ground:
             f"{name}: a ground of shape {heights.shape} and {heights.dtype}, "
             "not a grid of heights"
         )
-    bad = np.argwhere(~np.isfinite(heights))
-    if len(bad):
+    for row, column in np.argwhere(~np.isfinite(heights))[:1]:
         raise RecordingError(
-            f"{name}: the height in row {bad[0][0] + 1}, column {bad[0][1] + 1} "
-            "is not finite"
+            f"{name}: the height in row {row + 1}, column {column + 1} is not finite"
         )
     if not (math.isfinite(ground.spacing) and ground.spacing > 0):
         raise RecordingError(
@@ -176,32 +155,21 @@ def whole_ground(name: str, ground: Ground) -> Ground:
     return Ground(heights.astype(float), ground.spacing)
 
 
-def refuse_constant(name: str, drives: Sequence[Drive], body: Body) -> None:
-    """Refuse a column that never changes in any drive, as a dead sensor's does not."""
-    for column in constant_columns(drives, body):
-        raise RecordingError(constant_text(name, column))
-
-
-def constant_text(name: str, column: str) -> str:
-    """The message about a column that never changes."""
-    return f"{name}: '{column}' never changes; mend it, or leave it out of the body"
-
-
 def constant_columns(drives: Sequence[Drive], body: Body) -> list[str]:
-    """Columns that never change in any drive.
+    """Columns that never change in any drive, as a dead sensor's does not.
 
     Columns of a body with a twist are compared with each other instead.
     """
     if has_twist(body):
         return []
-    names = []
-    quantities = body.state[body.pose_size :]
-    for kind, columns in (("states", quantities), ("actions", body.actions)):
-        for number, (column, _) in enumerate(columns, start=-len(columns)):
-            values = [getattr(drive, kind)[:, number] for drive in drives]
-            if np.ptp(np.concatenate(values)) == 0:
-                names.append(column)
-    return names
+    states = np.concatenate([drive.states[:, body.pose_size :] for drive in drives])
+    actions = np.concatenate([drive.actions for drive in drives])
+    columns, values = (*body.columns, *body.actions), (*states.T, *actions.T)
+    return [
+        name
+        for (name, _), numbers in zip(columns, values, strict=True)
+        if np.ptp(numbers) == 0
+    ]
 
 
 def jumps(drives: Sequence[Drive], body: Body) -> dict[int, str]:

@@ -28,12 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ownrobot.recordings.csv_text import (
-    HEADER,
-    TextTable,
-    as_float,
-    split_header,
-)
+from ownrobot.recordings.csv_text import HEADER, TextTable, as_float, split_header
 from ownrobot.recordings.exports import read_text
 from ownrobot.recordings.table import RecordingError, Table, unit_factors
 from sidm.body import SI, Body
@@ -43,11 +38,7 @@ from sidm.storage import write_atomically
 
 
 def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
-    """Read the columns of a body from a file; RecordingError names the first fault.
-
-    If `lenient`, a cell that is no number is NaN in a file of several drives; its drive
-    alone is then refused.
-    """
+    """Read a body's columns; if `lenient`, what is no number can be NaN."""
     text = read_text(path)
     header, names = text.header, text.names
     timed = "time" in names
@@ -56,16 +47,16 @@ def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
             f"{path}: it has neither a line '# rate: 10 Hz' nor a column 'time [s]'"
         )
     factors = unit_factors(str(path), names, text.units, body, timed)
-    lenient = lenient and bool({"drive", "session"} & set(names))
-    columns = {
-        name: (text.elapsed(name) if name == "time" else text.numbers(name, lenient))
-        * factor
-        for name, factor in factors.items()
-    }
-    labels: dict[str, np.ndarray] = {
-        name: np.array(text.cells[names.index(name)])
+    labels = {
+        name: np.array(text.column(name))
         for name in ("drive", "session")
         if name in names
+    }
+    lenient = lenient and bool(labels)
+    columns = {
+        name: (text.elapsed() if name == "time" else text.numbers(name, lenient))
+        * factor
+        for name, factor in factors.items()
     }
     rate = None if timed else rate_of(text)
     ground = _ground(path, header) if body.map_size else None
@@ -78,10 +69,7 @@ def rate_of(text: TextTable) -> float:
 
 
 def heights_file(path: Path) -> Path | None:
-    """The file of heights that a file of drives names in its header.
-
-    None where the file names none or has no valid header.
-    """
+    """The file of heights that a file of drives names in its header, if any."""
     try:
         return path.parent / split_header(path)[0]["heights"]
     except (RecordingError, KeyError):
@@ -98,6 +86,7 @@ def _number(path: Path, header: Mapping[str, str], name: str, unit: str) -> floa
 
 
 def _ground(path: Path, header: Mapping[str, str]) -> Ground:
+    """The ground that a header describes, with heights (H, W), m, of another file."""
     for name in ("heights", "spacing"):
         if name not in header:
             raise RecordingError(
@@ -109,22 +98,19 @@ def _ground(path: Path, header: Mapping[str, str]) -> Ground:
         raise RecordingError(
             f"{path}: 'centre: {header['centre']}' is not an x and a y in m"
         ) from None
-    heights = _heights(path.parent / header["heights"])
-    return Ground(heights, _number(path, header, "spacing", "m"), (x, y))
-
-
-def _heights(path: Path) -> np.ndarray:
-    """Read heights (H, W), m, from a .csv or .npy file."""
+    file = path.parent / header["heights"]
     try:
-        if path.suffix == ".npy":
-            return np.load(path, allow_pickle=False)
-        return np.loadtxt(path, delimiter=",", ndmin=2, encoding="utf-8-sig")
+        if file.suffix == ".npy":
+            heights = np.load(file, allow_pickle=False)
+        else:
+            heights = np.loadtxt(file, delimiter=",", ndmin=2, encoding="utf-8-sig")
     except FileNotFoundError:
-        raise RecordingError(f"{path}: there is no such file of heights") from None
+        raise RecordingError(f"{file}: there is no such file of heights") from None
     except (OSError, ValueError, EOFError) as error:
         raise RecordingError(
-            f"{path}: the heights cannot be read ({first_line(error)})"
+            f"{file}: the heights cannot be read ({first_line(error)})"
         ) from None
+    return Ground(heights, _number(path, header, "spacing", "m"), (x, y))
 
 
 def write_csv(path: Path, drives: Sequence[Drive], origin: str) -> None:

@@ -40,8 +40,10 @@ HEADER: dict[str, tuple[type, ...]] = {
     "height_unit": (str,),  # m, cm or mm
     "centres": (list,),  # m, x and y of each ground's middle; all 0 unless given
 }
+# What a file must have; the latter where it has grounds.
+MEMBERS, MEMBERS_OF_GROUNDS = ("rows", "lengths", "header"), ("ground", "heights")
 REQUIRED = ("columns", "units", "rate", "origin")
-REQUIRED_WITH_GROUNDS = (*REQUIRED, "spacing", "height_unit")
+REQUIRED_OF_GROUNDS = ("spacing", "height_unit")
 
 
 def read_npz(path: Path, body: Body) -> list[Table]:
@@ -59,9 +61,7 @@ def read_npz(path: Path, body: Body) -> list[Table]:
             f"{path}: cannot be read as .npz ({fault}); copy it again, or write it "
             "with numpy.savez"
         ) from None
-    required = ["rows", "lengths", "header"]
-    if body.map_size:
-        required += ["ground", "heights"]
+    required = [*MEMBERS, *(MEMBERS_OF_GROUNDS if body.map_size else ())]
     for name in required:
         if name not in members:
             raise RecordingError(
@@ -79,9 +79,7 @@ def read_npz(path: Path, body: Body) -> list[Table]:
     if rows.dtype.kind not in "fiu":
         raise RecordingError(f"{path}: rows of {rows.dtype}, not of numbers")
     factors = unit_factors(str(path), names, units, body, "time" in names)
-    grounds: list[Ground] | list[None] = [None] * count
-    if body.map_size:
-        grounds = _grounds(path, members, header, count)
+    grounds = _grounds(path, members, header, count) if body.map_size else None
     sessions = members.get("sessions", np.full(count, ""))
     if sessions.shape != lengths.shape or sessions.dtype.kind != "U":
         raise RecordingError(
@@ -98,8 +96,8 @@ def read_npz(path: Path, body: Body) -> list[Table]:
             for name, factor in factors.items()
         }
         labels = {"session": np.full(len(part), sessions[number])}
-        name = f"{path} drive {number}"
-        tables.append(Table(name, columns, labels, rate, grounds[number]))
+        ground = grounds[number] if grounds else None
+        tables.append(Table(f"{path} drive {number}", columns, labels, rate, ground))
     return tables
 
 
@@ -117,7 +115,7 @@ def _header(path: Path, member: np.ndarray, grounds: bool) -> dict[str, Any]:
         too_large = isinstance(value, int) and abs(value) > sys.float_info.max
         if not isinstance(value, HEADER[name]) or isinstance(value, bool) or too_large:
             raise RecordingError(f"{path}: '{name}' of the header is {value!r}")
-    for name in REQUIRED_WITH_GROUNDS if grounds else REQUIRED:
+    for name in (*REQUIRED, *(REQUIRED_OF_GROUNDS if grounds else ())):
         if name not in header:
             raise RecordingError(f"{path}: the header has no '{name}'")
     texts = (*header["columns"], *header["units"])
@@ -158,11 +156,9 @@ def _grounds(
             f"{path}: {count} heights, but 'ground' of {len(numbers)} drives "
             f"goes up to {largest} and centres are {centres.shape}"
         )
-    scale = UNITS["length"][header["height_unit"]]
-    middles = [(float(x), float(y)) for x, y in centres]
+    scale, spacing = UNITS["length"][header["height_unit"]], header["spacing"]
     return [
-        Ground(heights[number] * scale, header["spacing"], middles[number])
-        for number in numbers
+        Ground(heights[n] * scale, spacing, (*centres[n].tolist(),)) for n in numbers
     ]
 
 
@@ -206,11 +202,10 @@ def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
             raise ValueError("drives to pack have grounds of one shape and spacing")
         if max(np.abs(h).max() for h in heights) <= np.iinfo(np.int16).max:
             heights = [h.astype(np.int16) for h in heights]
-        keys = [h.tobytes() for h in heights]
-        different = dict(zip(keys, heights, strict=True))
-        order = list(different)
-        members["ground"] = np.array([order.index(key) for key in keys])
-        members["heights"] = np.stack(list(different.values()))
+        different = {h.tobytes(): h for h in heights}
+        order = [*different]
+        members["ground"] = np.array([order.index(h.tobytes()) for h in heights])
+        members["heights"] = np.stack([*different.values()])
         header |= {"spacing": grounds[0].spacing, "height_unit": "mm"}
     members["header"] = np.array(json.dumps(header))
     write_atomically(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -57,11 +58,21 @@ class Findings:
         self.notes: list[str] = []
         self.rates: list[float] = []
 
-    def add(self, fault: RecordingError | str) -> None:
+    def add(self, fault: str) -> None:
         """Keep a fault in the list, or raise it as a RecordingError."""
         if not self.skip:
-            raise fault if isinstance(fault, RecordingError) else RecordingError(fault)
-        self.faults.append(str(fault))
+            raise RecordingError(fault)
+        self.faults.append(fault)
+
+    @contextlib.contextmanager
+    def kept(self) -> Iterator[None]:
+        """Keep a RecordingError of the block in the list, or raise it."""
+        try:
+            yield
+        except RecordingError as error:
+            if not self.skip:
+                raise
+            self.faults.append(str(error))
 
     def warn(self) -> None:
         """Issue each note, and each drive or file that is left out, as a warning."""
@@ -88,21 +99,16 @@ def unit_factors(
     for column in (*wanted, *EXTRA):
         if names.count(column) > 1:
             raise RecordingError(f"{file}: two columns '{column}'; rename one of them")
-    return {
-        column: _unit_factor(file, column, units[names.index(column)], unit)
-        for column, unit in wanted.items()
-    }
-
-
-def _unit_factor(file: str, name: str, unit: str, expected: str) -> float:
-    """Factor from `unit` to the SI unit; the column is of the kind of `expected`."""
-    kind, known = kind_of(expected), units_like(expected)
-    unit = unit or ("1" if kind == "number" else "")
-    if unit not in known:
-        given = f"in '{unit}'" if unit else "without a unit"
-        article = "an" if kind[:1] in "aeiou" else "a"
-        right = f"{article} {kind} is" if kind else "the body has it"
-        raise RecordingError(
-            f"{file}: '{name}' {given}; {right} in {' or '.join(known)}"
-        )
-    return known[unit]
+    factors = {}
+    for column, expected in wanted.items():
+        kind, known = kind_of(expected), units_like(expected)
+        unit = units[names.index(column)] or ("1" if kind == "number" else "")
+        if unit not in known:
+            given = f"in '{unit}'" if unit else "without a unit"
+            article = "an" if kind[:1] in "aeiou" else "a"
+            right = f"{article} {kind} is" if kind else "the body has it"
+            raise RecordingError(
+                f"{file}: '{column}' {given}; {right} in {' or '.join(known)}"
+            )
+        factors[column] = known[unit]
+    return factors
