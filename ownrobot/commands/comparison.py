@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
+from typing import Any
 
 from ownrobot.command_line import AddCommand, whole_number
 from ownrobot.commands.options import (
@@ -36,7 +37,7 @@ def add_compare(add: AddCommand) -> None:
     text = "methods that are compared (those that can learn these robots)"
     compare.add_argument("--methods", metavar="NAME", nargs="+", default=[], help=text)
     text = "parts of the sessions, each held out once (%(default)s)"
-    number = {"type": whole_number, "metavar": "N"}
+    number: dict[str, Any] = {"type": whole_number, "metavar": "N"}
     compare.add_argument("--folds", default=4, help=text, **number)
     text = "how often the sessions are divided anew, with another seed (%(default)s)"
     compare.add_argument("--repeats", default=3, help=text, **number)

@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from sidm.config import ConfigError
 
@@ -41,7 +42,7 @@ def add_reading_options(command: argparse.ArgumentParser) -> None:
 
 def add_settings(command: argparse.ArgumentParser, text: str) -> None:
     """Add `--set`, whose values are `changes`."""
-    options = {"action": "append", "default": [], "dest": "changes"}
+    options: dict[str, Any] = {"action": "append", "default": [], "dest": "changes"}
     command.add_argument("--set", metavar="NAME=VALUE", help=text, **options)
 
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from ownrobot.recordings import checks
 from ownrobot.recordings.checks import GAP
+from ownrobot.recordings.messages import QUATERNION
 from ownrobot.recordings.table import RecordingError, Table
 from ownrobot.recordings.topics import Samples, Topics, read_topics
 from sidm.body import Body
 from sidm.config import hint
 
-QUATERNION = ("qx", "qy", "qz", "qw")
 LONG_PAUSE = 1.0  # s without a command, from which a note tells that the last one holds
 
 
@@ -31,13 +31,13 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
     """
     wanted = [name for name, _ in (*body.state, *body.actions)]
     parts, notes, session = read_topics(path, topics)
-    pieces = [bag_columns(path, part, wanted, body.name) for part in parts]
-    notes += _notes_of_commands(path, parts, wanted)
+    pieces = [bag_columns(part, wanted, body.name) for part in parts]
+    notes += _notes_of_commands(parts, wanted)
     columns = {n: np.concatenate([piece[n] for piece in pieces]) for n in pieces[0]}
     labels = {}
     if len(parts) > 1:
         notes.append(
-            f"{path}: the clock of its poses goes back {len(parts) - 1} times; a drive "
+            f"the clock of its poses goes back {len(parts) - 1} times; a drive "
             "begins there"
         )
         numbers = np.arange(len(parts)).astype(str)
@@ -45,9 +45,7 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
     return Table(str(path), columns, labels, None, notes=notes, session=session)
 
 
-def _notes_of_commands(
-    path: Path, parts: Sequence[Topics], wanted: Sequence[str]
-) -> list[str]:
+def _notes_of_commands(parts: Sequence[Topics], wanted: Sequence[str]) -> list[str]:
     """What is said of a bag's commands: parts that are not read, and pauses."""
     commands, notes = parts[0].command, []
     changing = [
@@ -58,7 +56,7 @@ def _notes_of_commands(
     ]
     if changing and any(name in commands for name in wanted):
         notes.append(
-            f"{path}: {', '.join(changing)} of the command changes and is not read; "
+            f"{', '.join(changing)} of the command changes and is not read; "
             "name it among the actions of the body"
         )
     read = [(part, name) for part in parts for name in wanted if name in part.command]
@@ -67,21 +65,20 @@ def _notes_of_commands(
     )
     if len(gaps) and gaps.max() > max(LONG_PAUSE, GAP * np.median(gaps)):
         notes.append(
-            f"{path}: commands pause for up to {gaps.max():.3g} s; the last one is held"
+            f"commands pause for up to {gaps.max():.3g} s; the last one is held"
         )
     return notes
 
 
 def bag_columns(
-    path: Path, topics: Topics, wanted: Sequence[str], body: str
+    topics: Topics, wanted: Sequence[str], body: str
 ) -> dict[str, np.ndarray]:
     """The wanted columns and `time`, s, (R,), at poses within all topics' times."""
     known = topics.pose | topics.sensors | topics.command
     for name in wanted:
         if name not in known:
             raise RecordingError(
-                f"{path}: column '{name}' of body '{body}' is in no topic; "
-                f"{hint(name, known)}"
+                f"column '{name}' of body '{body}' is in no topic; {hint(name, known)}"
             )
     # a sensor of the same name as a part of the pose's message comes first
     sensors = {n: topics.sensors[n] for n in wanted if n in topics.sensors}
@@ -89,7 +86,7 @@ def bag_columns(
     poses = next(iter(topics.pose.values())).times
     if {"yaw", *QUATERNION} & set(wanted):
         quaternions = np.stack([topics.pose[name].values for name in QUATERNION], 1)
-        checks.unit_quaternions(f"{path}: orientation", quaternions)
+        checks.unit_quaternions(quaternions, "orientation: ")
     others = [*sensors.values(), *(commands or topics.command).values()]
     inside = (poses >= max(one.times[0] for one in others)) & (
         poses <= min(one.times[-1] for one in others)
@@ -100,9 +97,7 @@ def bag_columns(
         after = np.clip(np.searchsorted(times, poses, side="right"), 1, len(steps))
         inside &= ~pause[after - 1] | np.isin(poses, times)
     if inside.sum() < 2:
-        raise RecordingError(
-            f"{path}: its topics have no time in common; record them together"
-        )
+        raise RecordingError("its topics have no time in common; record them together")
     time, columns = poses[inside], {}
     for name in wanted:
         if name in commands:

@@ -43,7 +43,6 @@ SPARSE = 0.3  # share of empty cells from which a file has topics of several rat
 class TextTable:
     """A CSV file, read but not yet understood."""
 
-    path: Path
     header: dict[str, str]
     names: list[str]
     units: list[str]  # '' where a column has none
@@ -65,7 +64,7 @@ class TextTable:
                 "." in c for column in self.cells for c in column
             ):
                 raise RecordingError(
-                    f"{self.path}: line {self.lines[comma]}: '{cells[comma]}' of "
+                    f"line {self.lines[comma]}: '{cells[comma]}' of "
                     f"'{name}' has a comma, and other numbers have points; remove "
                     "commas between thousands"
                 )
@@ -79,9 +78,8 @@ class TextTable:
             first = bad[0]
             beyond = np.isfinite(values[first])
             raise RecordingError(
-                f"{self.path}: line {self.lines[first]}: '{cells[first]}' of '{name}' "
-                f"is {'beyond 1e15' if beyond else 'no finite number'}; "
-                "leave the line out"
+                f"line {self.lines[first]}: '{cells[first]}' of '{name}' is "
+                f"{'beyond 1e15' if beyond else 'no finite number'}; leave the line out"
             )
         return values
 
@@ -100,7 +98,7 @@ class TextTable:
         share = count / max(1, sum(map(len, self.cells)))
         if share > SPARSE:
             raise RecordingError(
-                f"{self.path}: {share:.0%} of its cells are empty, as where topics of "
+                f"{share:.0%} of its cells are empty, as where topics of "
                 "several rates are exported together; export them at one rate, or fill "
                 "each cell with the one above it"
             )
@@ -111,7 +109,7 @@ def text_of(path: Path) -> TextTable:
     header, comments, kept = split_header(path)
     if not kept:
         what = "after its header" if header else "the file is empty"
-        raise RecordingError(f"{path}: it has no rows of numbers: {what}")
+        raise RecordingError(f"it has no rows of numbers: {what}")
     lines, texts = [number for number, _ in kept], [line for _, line in kept]
     other = next((s for s in SEPARATORS if s in texts[0] and "," not in texts[0]), ",")
     separator = header.pop("sep", other)
@@ -119,7 +117,7 @@ def text_of(path: Path) -> TextTable:
         rows = [*csv.reader(texts, delimiter=separator)]
     except csv.Error as error:
         raise RecordingError(
-            f"{path}: no table of numbers ({error}); is a quotation mark left open?"
+            f"no table of numbers ({error}); is a quotation mark left open?"
         ) from None
     if len(lines) != len(rows):  # cells with line breaks
         lines = list(range(lines[0], lines[0] + len(rows)))
@@ -129,12 +127,12 @@ def text_of(path: Path) -> TextTable:
         titles = next(csv.reader(comments[-1:], delimiter=separator), [])
         if len(titles) != len(rows[0]) or _are_numbers(titles):
             raise RecordingError(
-                f"{path}: line {lines[0]} has numbers; write the names and units of "
+                f"line {lines[0]} has numbers; write the names and units of "
                 "the columns there, as 'x [m]'"
             )
     if len(rows) < 2:
         only = "no rows" if not rows else "a single row"
-        raise RecordingError(f"{path}: it has {only} of numbers; a drive has many")
+        raise RecordingError(f"it has {only} of numbers; a drive has many")
     matches = [match for cell in titles if (match := TITLE.fullmatch(cell))]
     names, units = [m[1] for m in matches], [(m[2] or "").strip() for m in matches]
     if all(row[-1:] == [""] for row in rows) and (
@@ -144,16 +142,16 @@ def text_of(path: Path) -> TextTable:
         names, units = names[: len(rows[0])], units[: len(rows[0])]
     notes = []
     if len(rows[-1]) < len(names) and len(rows) > 2:
-        notes.append(f"{path}: the last line is cut off, and is left out")
+        notes.append("the last line is cut off, and is left out")
         rows.pop()
     for line, row in zip(lines, rows, strict=False):
         if len(row) != len(names):
             raise RecordingError(
-                f"{path}: line {line} has {len(row)} cells, not {len(names)}; "
+                f"line {line} has {len(row)} cells, not {len(names)}; "
                 f"{_separator_hint(row, len(names))}"
             )
     cells: list[Sequence[str]] = [*zip(*rows, strict=True)]
-    return TextTable(path, header, names, units, cells, lines, separator != ",", notes)
+    return TextTable(header, names, units, cells, lines, separator != ",", notes)
 
 
 def _are_numbers(cells: Sequence[str]) -> bool:
@@ -182,11 +180,10 @@ def split_header(
             continue
         if not colon or name not in HEADER:
             if colon and difflib.get_close_matches(name, HEADER, cutoff=0.8):
-                error = unknown_name(name, HEADER, "the header")
-                raise RecordingError(f"{path}: {error}")
+                raise RecordingError(unknown_name(name, HEADER, "the header"))
             comments.append(text)
         elif name in header:
-            raise RecordingError(f"{path}: the header has two lines '# {name}: ...'")
+            raise RecordingError(f"the header has two lines '# {name}: ...'")
         else:
             header[name] = value
     return header, comments, kept
@@ -200,7 +197,7 @@ def _decoded(path: Path) -> str:
         wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
         return content.decode("utf-16" if wide else "utf-8-sig")
     except (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError) as error:
-        raise RecordingError(f"{path}: cannot be read as text ({error})") from None
+        raise RecordingError(f"cannot be read as text ({error})") from None
 
 
 def _separator_hint(cells: Sequence[str], count: int) -> str:

@@ -12,14 +12,18 @@ from pathlib import Path
 import numpy as np
 
 from ownrobot.recordings.csv_text import TextTable, as_float, text_of
-from ownrobot.recordings.messages import columns_of_part, plain_name, unit_of
+from ownrobot.recordings.messages import (
+    QUATERNION,
+    columns_of_part,
+    plain_name,
+    unit_of,
+)
 from sidm.drives import yaw_of
 
 SECONDS = re.compile(r"(.*?)(secs?|seconds)", re.IGNORECASE)
 NANOSECONDS = re.compile(r"(.*?)(nsecs?|nanosecs?|nanoseconds)", re.IGNORECASE)
 #: Names of a time -> its unit where the file gives none; '': the file must give it.
 CLOCKS = {"__time": "s", "%time": "ns", "timestamp": "", "stamp": ""}
-QUATERNION = ("qx", "qy", "qz", "qw")
 #: The path of a number of a joint, or of a message that is one number -> its column.
 NAMED = re.compile(r"(?:.*/)?(?:joint_states/)?(?P<name>[^/]+)/(velocity|data)")
 

@@ -61,9 +61,7 @@ AXES = [
 ANGULAR = ("wx", "wy", "wz")
 
 
-def refuse_other_maps(
-    name: str, states: np.ndarray, ground: Ground | None, body: Body
-) -> None:
+def refuse_other_maps(states: np.ndarray, ground: Ground | None, body: Body) -> None:
     """Refuse states (K + 1, S) that fit no map, or a flipped one better."""
     if ground is None:
         return
@@ -72,7 +70,7 @@ def refuse_other_maps(
     if outside.size:
         x, y = states[outside[0], :2]
         raise RecordingError(
-            f"{name}: {outside[0] / body.rate:g} s after its start the robot is "
+            f"{outside[0] / body.rate:g} s after its start the robot is "
             f"{x:.2f} m, {y:.2f} m from the middle of its ground, "
             f"which ends at {half[0]:.2f} m, {half[1]:.2f} m"
         )
@@ -82,7 +80,7 @@ def refuse_other_maps(
     above = z - height_at(ground.heights, x, y, ground.spacing)
     if abs(np.median(above)) > MAX_ABOVE:
         raise RecordingError(
-            f"{name}: the robot is {np.median(above):.2f} m above the ground (median); "
+            f"the robot is {np.median(above):.2f} m above the ground (median); "
             "is it another map?"
         )
     mirrored = ground.heights[:, ::-1]
@@ -94,10 +92,10 @@ def refuse_other_maps(
     for fault, heights in others.items():
         other = z - height_at(heights, x, y, ground.spacing)
         if other.std() < FLIPPED * above.std() and above.std() > LEAST_SPREAD:
-            raise RecordingError(f"{name}: the map of the ground seems to be {fault}")
+            raise RecordingError(f"the map of the ground seems to be {fault}")
 
 
-def refuse_other_velocities(name: str, states: np.ndarray, body: Body) -> None:
+def refuse_other_velocities(states: np.ndarray, body: Body) -> None:
     """Refuse states (K + 1, S) whose positions jump or contradict velocities."""
     rate, attitudes = body.rate, Rotation.from_quat(states[:, 3:7])
     velocities = attitudes.apply(states[:, 7:10])  # world frame
@@ -107,20 +105,19 @@ def refuse_other_velocities(name: str, states: np.ndarray, body: Body) -> None:
     jumps = np.flatnonzero(np.linalg.norm(unexplained, axis=1) > JUMP + explained)
     if jumps.size:
         raise RecordingError(
-            f"{name}: {jumps[0] / rate:g} s after its start the position jumps; "
+            f"{jumps[0] / rate:g} s after its start the position jumps; "
             "make two drives of it there"
         )
     off = _rms(_window_sums(unexplained, WINDOW * rate))
     way = _rms(_window_sums(np.linalg.norm(moved, axis=1)[:, None], WINDOW * rate))
     if off > max(UNEXPLAINED_WAY * way, NOISE):
         raise RecordingError(
-            f"{name}: velocities do not lead where the robot was "
-            f"({off:.2f} of {way:.2f} m a second); "
-            "they must be in the body frame, x forward, y left"
+            f"velocities do not lead where the robot was ({off:.2f} of {way:.2f} m a "
+            "second); they must be in the body frame, x forward, y left"
         )
 
 
-def refuse_other_turning(name: str, drives: Sequence[tuple[np.ndarray, float]]) -> None:
+def refuse_other_turning(drives: Sequence[tuple[np.ndarray, float]]) -> None:
     """Refuse angular velocities that turn a robot otherwise than its attitudes did.
 
     All drives are compared together, states (R, 13) of all recorded rows and their
@@ -143,7 +140,7 @@ def refuse_other_turning(name: str, drives: Sequence[tuple[np.ndarray, float]]) 
         least, most = sorted((by_attitude, by_rate))
         if most > max(TURN_RATIO * least, LEAST_TURN):
             raise RecordingError(
-                f"{name}: it turned by {by_attitude / TURN_WINDOW:.2g} rad a second by "
+                f"it turned by {by_attitude / TURN_WINDOW:.2g} rad a second by "
                 f"its attitudes, by {by_rate / TURN_WINDOW:.2g} by '{column}'; "
                 "is it in the unit that the header names?"
             )
@@ -159,9 +156,8 @@ def refuse_other_turning(name: str, drives: Sequence[tuple[np.ndarray, float]]) 
     better = min(others, key=others.__getitem__)
     if others[better] < BETTER * off:
         raise RecordingError(
-            f"{name}: angular velocities fit the attitudes better {better}; "
-            "they must be in the body frame, x forward, y left, z up, "
-            "positive to the left about z"
+            f"angular velocities fit the attitudes better {better}; they must be in "
+            "the body frame, x forward, y left, z up, positive to the left about z"
         )
 
 

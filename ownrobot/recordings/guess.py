@@ -16,6 +16,7 @@ import numpy as np
 from ownrobot.recordings import checks
 from ownrobot.recordings.csv_file import rate_of
 from ownrobot.recordings.exports import read_text
+from ownrobot.recordings.messages import QUATERNION, unit_of
 from ownrobot.recordings.reading import (
     drives_of_paths,
     files_of,
@@ -23,7 +24,7 @@ from ownrobot.recordings.reading import (
     session_and_path,
 )
 from ownrobot.recordings.resampling import pose_rate
-from ownrobot.recordings.table import EXTRA, Findings, RecordingError
+from ownrobot.recordings.table import EXTRA, Findings, RecordingError, faults_of
 from sidm.body import POSES, TWIST, Body, Columns, Pose, units_like
 from sidm.config import replace
 from sidm.drives import yaw_of
@@ -95,23 +96,32 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
         >>> guess.body.pose, guess.body.actions
         ('planar', (('throttle', '1'), ('steering', 'rad')))
     """
-    file = files_of(session_and_path(path)[1])[0]
+    place = session_and_path(path)[1]
+    with faults_of(place):
+        file = files_of(place)[0]
+    with faults_of(file):
+        return _guess(file, topics)
+
+
+def _guess(file: Path, topics: Sequence[str]) -> Guess:
+    """A first body for the drives of a CSV file or a ROS bag."""
     if is_bag(file):
         recording = _of_bag(file, topics)
     elif ".csv" in file.name.lower():
         recording = _of_csv(file)
     else:
-        raise RecordingError(f"{file}: a body is guessed from a CSV file or a ROS bag")
+        raise RecordingError("a body is guessed from a CSV file or a ROS bag")
     pose, why_pose = _pose(recording)
     columns, left_out = _columns(recording, pose, is_bag(file))
     if not recording.commands:
         named = [*recording.numbers, *recording.left_out] or ["no column of numbers"]
         raise RecordingError(
-            f"{file}: no column seems to be a command (command..., cmd..., throttle, "
+            "no column seems to be a command (command..., cmd..., throttle, "
             f"steering); rename one of {', '.join(named)}"
         )
     for number, time in enumerate(recording.time):
-        checks.refuse_times(f"{file}: drive {number}", time)
+        with faults_of(f"{file}: drive {number}"):
+            checks.refuse_times(time)
     rate, why_rate = _rate(recording, pose)
     body = Body(
         name=file.name.partition(".")[0],
@@ -129,15 +139,15 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
         findings.faults = [str(error)]
     actions = tuple(pair for pair in body.actions if pair[0] not in constant)
     if not actions:
-        raise RecordingError(f"{file}: no command changes; record drives that steer")
+        raise RecordingError("no command changes; record drives that steer")
     columns = tuple(pair for pair in body.columns if pair[0] not in constant)
     left_out |= dict.fromkeys(constant, "it never changes")
     *others, last = [name for name, _ in actions]
-    named = f"{', '.join(others)} and {last}" if others else last
+    commands = f"{', '.join(others)} and {last}" if others else last
     notes = [
         f"pose: {why_pose}",
         "columns: what the robot's sensors measure, and their units",
-        f"actions: are {named} commands, and not measurements?",
+        f"actions: are {commands} commands, and not measurements?",
         why_rate,
         *(f"reading says: {fault}" for fault in findings.faults[:1]),
     ]
@@ -178,7 +188,6 @@ def _of_csv(path: Path) -> _Recording:
 def _of_bag(path: Path, topics: Sequence[str]) -> _Recording:
     """The columns of a ROS bag."""
     from ownrobot.recordings.bags import bag_columns  # its library is optional
-    from ownrobot.recordings.messages import unit_of
     from ownrobot.recordings.topics import read_topics
 
     parts, _, _ = read_topics(path, topics)
@@ -186,7 +195,7 @@ def _of_bag(path: Path, topics: Sequence[str]) -> _Recording:
     changing = [n for n, one in read.command.items() if np.ptp(one.values) > 0]
     commands = changing or [*read.command]
     wanted = [*read.pose, *(n for n in read.sensors if n not in read.pose), *commands]
-    numbers = bag_columns(path, read, wanted, "")
+    numbers = bag_columns(read, wanted, "")
     time = numbers.pop("time")
     units = {name: unit_of(name) for name in wanted}
     return _Recording(numbers, units, commands, [time], {})
@@ -200,7 +209,7 @@ def _pose(recording: _Recording) -> tuple[Pose, str]:
         reason = "it has x, y, z and a quaternion"
         if not planar <= names:
             return "spatial", reason
-        quaternions = recording.stacked(("qx", "qy", "qz", "qw"))
+        quaternions = recording.stacked(QUATERNION)
         tilt = 2 * np.arcsin(np.clip(np.hypot(*quaternions.T[:2]), 0, 1))
         known = np.isfinite(yaw_of(quaternions)).all()
         if np.ptp(recording.numbers["z"]) > UNEVEN_Z or (

@@ -66,21 +66,21 @@ def drives_along_yaw(
         return drives
     stretches = [_stretches(drive, body) for drive in drives]
     if fault := _fault_of_all(stretches):
-        raise RecordingError(f"{where}: {fault} {SIDEWAYS}")
+        raise RecordingError(f"{fault} {SIDEWAYS}")
     off, judged = _off(stretches)
     if 2 * len(off) > judged:
         degrees = float(np.median(np.abs([*off.values()])))
         raise RecordingError(
-            f"{where}: {len(off)} of {judged} drives move {degrees:.0f} degrees off "
-            "their yaw; are yaw, x and y of one frame, and is yaw 0 along x? "
-            f"{SIDEWAYS}"
+            f"{len(off)} of {judged} drives move {degrees:.0f} degrees off their yaw; "
+            f"are yaw, x and y of one frame, and is yaw 0 along x? {SIDEWAYS}"
         )
     if not findings.doubtful:
         for number, degrees in off.items():
-            findings.add(
-                f"{drives[number].name}: it moves {degrees:.0f} degrees off its yaw, "
-                "as other drives do not; check its pose"
+            fault = (
+                f"it moves {degrees:.0f} degrees off its yaw, as other drives do not; "
+                "check its pose"
             )
+            findings.add(RecordingError(fault, drives[number].name))
         return [drive for number, drive in enumerate(drives) if number not in off]
     if off:
         names = [

@@ -64,6 +64,7 @@ ARRAYS: dict[str, tuple[str, ...]] = {
     "std_msgs/msg/Float32MultiArray": (),
 }
 PARTS_OF_TYPE = POSES | IMU | COMMANDS
+QUATERNION = ("qx", "qy", "qz", "qw")
 
 #: The end of a part's path -> its numbers -> their columns; the first that fits counts.
 PARTS = {
@@ -131,8 +132,8 @@ def columns_of(message: Any, kind: str) -> dict[str, float]:
             return {name: float(getattr(part, name)) for name in DRIVE}
         for axis, name in columns_of_part(path).items():
             if name == "yaw":
-                quaternion = [columns[q] for q in ("qx", "qy", "qz", "qw")]
-                columns["yaw"] = float(yaw_of(np.array(quaternion)))
+                quaternion = np.array([columns[name] for name in QUATERNION])
+                columns["yaw"] = float(yaw_of(quaternion))
                 continue
             if name == "yaw_rate":
                 columns["wz"] = part.z

@@ -91,7 +91,7 @@ def drives_of_paths(
     files: list[tuple[str, Path]] = []  # with their sessions
     for given in paths:
         session, path = session_and_path(given)
-        with findings.kept():
+        with findings.kept(path):
             found = files_of(path)
             files += [(session, file) for file in found]
             if left := _not_read(path, found):
@@ -103,11 +103,11 @@ def drives_of_paths(
     if files and topics and not any(is_bag(file) for _, file in files):
         where = ", ".join(map(str, paths))
         raise RecordingError(
-            f"{where}: topics are of ROS bags, and this is none; leave --topics out"
+            "topics are of ROS bags, and this is none; leave --topics out", where
         )
     drives = []
     for session, file in files:
-        with findings.kept():
+        with findings.kept(file):
             tables = _tables(file, body, topics, findings.skip)
             read = _drives_of_file(str(file), tables, body, findings)
             drives += [replace(d, session=session) for d in read] if session else read
@@ -118,9 +118,9 @@ def _drives_of_file(
     name: str, tables: Sequence[Table], body: Body, findings: Findings
 ) -> list[Drive]:
     """Drives of all tables of a file; `findings` takes faults and notes."""
-    findings.notes += [note for table in tables for note in table.notes]
+    findings.notes += [f"{name}: {note}" for table in tables for note in table.notes]
     drives = [drive for table in tables for drive in _drives(table, body, findings)]
-    with findings.kept():
+    with findings.kept(name):
         return drives_along_yaw(name, drives, body, findings)
     return []
 
@@ -177,12 +177,11 @@ def has_bags(path: str | Path | Sequence[str | Path]) -> bool:
 def files_of(path: Path) -> list[Path]:
     """The file or bag itself, or the files of drives in a folder, without heights."""
     if not path.exists():
-        raise RecordingError(no_such_file(path))
+        raise RecordingError(no_such_file(path).removeprefix(f"{path}: "))
     if not path.is_dir() or is_bag(path):
         if path.suffix in INNER and not is_bag(path):
             raise RecordingError(
-                f"{path}: it is a file inside a ROS 2 bag; give the bag's folder, "
-                f"{path.parent}"
+                f"it is a file inside a ROS 2 bag; give the bag's folder, {path.parent}"
             )
         return [path]
     inside = sorted(path.iterdir())
@@ -190,8 +189,7 @@ def files_of(path: Path) -> list[Path]:
     if not files:
         inner = next((file.name for file in inside if file.suffix in INNER), "")
         raise RecordingError(
-            f"{path}: no file of drives ({', '.join(SUFFIXES)}) "
-            "and no ROS bag in this folder; "
+            f"no file of drives ({', '.join(SUFFIXES)}) and no ROS bag in this folder; "
             + (
                 f"{inner} has no metadata.yaml, which 'ros2 bag reindex' makes"
                 if inner
@@ -234,7 +232,7 @@ def _tables(
         return read_npz(path, body)
     if path.name.lower().endswith(SUFFIXES):
         return [read_csv(path, body, lenient)]
-    raise RecordingError(f"{path}: drives are {', '.join(SUFFIXES)} or ROS bags")
+    raise RecordingError(f"drives are {', '.join(SUFFIXES)} or ROS bags")
 
 
 def is_bag(path: Path) -> bool:
@@ -248,23 +246,23 @@ def is_bag(path: Path) -> bool:
 def _drives(table: Table, body: Body, findings: Findings) -> list[Drive]:
     """Drives from a table, at the body's rate; `findings` takes faults and notes."""
     drives: list[Drive] = []
-    with findings.kept():
-        ground = table.ground and checks.whole_ground(table.name, table.ground)
+    with findings.kept(table.name):
+        ground = table.ground and checks.whole_ground(table.ground)
         rows = rows_of_drives(table, body, findings)
         if rows:
             row_rate = 1 / float(np.median([one.spacing for one in rows]))
             poses = [(one.time, one.states[:, : body.pose_size]) for one in rows]
-            checks.refuse_slower(table.name, row_rate, pose_rate(poses), body)
+            checks.refuse_slower(row_rate, pose_rate(poses), body)
             findings.rates += [1 / one.spacing for one in rows]
         for one in rows:
-            with findings.kept():
+            with findings.kept(one.where):
                 drives += drives_of_rows(one, body, ground, findings)
         faults = checks.jumps(drives, body)
         for fault in faults.values():
             findings.add(fault)
         if checks.has_twist(body):
             turned = [(one.states, 1 / one.spacing) for one in rows]
-            frames.refuse_other_turning(table.name, turned)
+            frames.refuse_other_turning(turned)
         return [drive for number, drive in enumerate(drives) if number not in faults]
     return []
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ownrobot.recordings import checks, frames
-from ownrobot.recordings.table import Findings, RecordingError, Table
+from ownrobot.recordings.table import Findings, RecordingError, Table, faults_of
 from sidm.body import UNITS, Body, Columns
 from sidm.drives import Drive, Ground
 
@@ -52,8 +52,8 @@ def rows_of_drives(table: Table, body: Body, findings: Findings) -> list[Rows]:
         if table.ground and body.pose_size:
             for name, middle in zip("xy", table.ground.centre, strict=True):
                 columns[name] = columns[name] - middle
-        with findings.kept():
-            numbers = _checked(where, columns, body, table.rate)
+        with findings.kept(where):
+            numbers = _checked(columns, body, table.rate)
             session = str(sessions[rows[0]] or table.session or f"{table.name} {label}")
             several = len(starts) or not table.labels
             name = f"{table.name} drive {label}" if several else table.name
@@ -62,21 +62,21 @@ def rows_of_drives(table: Table, body: Body, findings: Findings) -> list[Rows]:
 
 
 def _checked(
-    where: str, columns: Mapping[str, np.ndarray], body: Body, rate: float | None
+    columns: Mapping[str, np.ndarray], body: Body, rate: float | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """States, actions, times and spacing of one drive, as in `Rows`."""
     states = np.stack([columns[name] for name, _ in body.state], 1)
     actions = np.stack([columns[name] for name, _ in body.actions], 1)
     time = np.arange(len(states)) / rate if rate else columns["time"]
     time = time - time[:1]
-    checks.refuse_numbers(where, states, actions, body)
-    spacing = checks.refuse_times(where, time)
+    checks.refuse_numbers(states, actions, body)
+    spacing = checks.refuse_times(time)
     angles = _angles(body.state)
     for column in angles:
-        checks.refuse_angles(where, body.state[column][0], states[:, column])
+        checks.refuse_angles(body.state[column][0], states[:, column])
     states[:, angles] = np.unwrap(states[:, angles], axis=0)
     if body.pose == "spatial":
-        states[:, 3:7] = checks.unit_quaternions(where, states[:, 3:7])
+        states[:, 3:7] = checks.unit_quaternions(states[:, 3:7])
     return states, actions, time, spacing
 
 
@@ -100,7 +100,7 @@ def drives_of_rows(
         what = f"between its {len(starts)} pauses, " if len(starts) else ""
         steps = max(len(actions) for _, actions in parts)
         raise RecordingError(
-            f"{rows.where}: {what}{steps} steps of {1 / body.rate:g} s; "
+            f"{what}{steps} steps of {1 / body.rate:g} s; "
             f"a drive has {MIN_STEPS} or more: leave it out"
         )
     if len(starts):
@@ -116,11 +116,12 @@ def drives_of_rows(
     drives = []
     for number, (states, actions) in enumerate(long, start=1):
         part = f" part {number}" if len(starts) else ""
-        where, name = rows.where + part, rows.name + part
-        actions = checks.within_limits(where, actions, body)
-        frames.refuse_other_maps(where, states, ground, body)
-        if checks.has_twist(body):
-            frames.refuse_other_velocities(where, states, body)
+        with faults_of(rows.where + part):
+            actions = checks.within_limits(actions, body)
+            frames.refuse_other_maps(states, ground, body)
+            if checks.has_twist(body):
+                frames.refuse_other_velocities(states, body)
+        name = rows.name + part
         drives.append(Drive(states, actions, body, ground, name, session=rows.session))
     return drives
 

@@ -68,36 +68,37 @@ def read_topics(
             known = {connection.topic for connection in reader.connections}
             for name in topics:
                 if name not in known:
-                    error = unknown_name(name, sorted(known), kind="topic")
-                    raise RecordingError(f"{path}: {error}")
+                    raise RecordingError(
+                        unknown_name(name, sorted(known), kind="topic")
+                    )
             present = {
                 c.msgtype for c in reader.connections if c.topic in topics or not topics
             }
             commands = [*COMMANDS] if present & {*COMMANDS} else [*COMMANDS, *ARRAYS]
             read = [
-                _messages(path, reader, topics, POSES, "pose"),
-                _messages(path, reader, topics, commands, "command"),
+                _messages(reader, topics, POSES, "pose"),
+                _messages(reader, topics, commands, "command"),
             ]
             for kind in (*IMU, *JOINTS):
                 if kind in present:
-                    read.append(_messages(path, reader, topics, [kind], kind))
+                    read.append(_messages(reader, topics, [kind], kind))
             session = _first_of_split(path, reader)
     except RecordingError:
         raise
     except unreadable as error:
         raise RecordingError(
-            f"{path}: the bag cannot be read ({first_line(error)}); is it cut off?"
+            f"the bag cannot be read ({first_line(error)}); is it cut off?"
         ) from None
     except Exception as error:  # each storage format has errors of its own
         raise RecordingError(
-            f"{path}: the bag is damaged ({first_line(error)}); copy it again, or "
+            f"the bag is damaged ({first_line(error)}); copy it again, or "
             "mend it with 'rosbag reindex' or 'ros2 bag reindex'"
         ) from None
-    return *_parts(path, read), str(session)
+    return *_parts(read), str(session)
 
 
 def _messages(
-    path: Path, reader: Any, topics: Sequence[str], kinds: Collection[str], what: str
+    reader: Any, topics: Sequence[str], kinds: Collection[str], what: str
 ) -> Messages:
     """Read the one topic with messages of some types; `what` names it in errors."""
     usable = [c for c in reader.connections if not topics or c.topic in topics]
@@ -106,12 +107,12 @@ def _messages(
     if not names:
         there = sorted({f"{c.topic} ({c.msgtype})" for c in usable})
         raise RecordingError(
-            f"{path}: no topic with a {what} ({', '.join(kinds)}); "
+            f"no topic with a {what} ({', '.join(kinds)}); "
             f"there are {', '.join(there) or 'none'}"
         )
     if len(names) > 1:
         raise RecordingError(
-            f"{path}: {len(names)} topics with a {what}, {', '.join(names)}; "
+            f"{len(names)} topics with a {what}, {', '.join(names)}; "
             "name those that are meant with --topics"
         )
     received: list[float] = []
@@ -129,7 +130,7 @@ def _messages(
         stamps.append(stamp.sec + stamp.nanosec * 1e-9 if stamp else 0.0)
     if len(received) < 2:
         raise RecordingError(
-            f"{path}: {len(received)} messages on {names[0]}, too few for a drive"
+            f"{len(received)} messages on {names[0]}, too few for a drive"
         )
     columns = {name: (np.array(r), np.array(v)) for name, (r, v) in found.items()}
     stamped = np.array(stamps) if min(stamps) > 0 else None
@@ -153,14 +154,13 @@ def _first_of_split(path: Path, reader: Any) -> Path:
         return path
 
 
-def _parts(path: Path, read: Sequence[Messages]) -> tuple[list[Topics], list[str]]:
+def _parts(read: Sequence[Messages]) -> tuple[list[Topics], list[str]]:
     """Pose, command and sensors on one clock, cut where that of the poses goes back."""
     clocks, notes = on_one_clock(read)
-    notes = [f"{path}: {note}" for note in notes]
     same = np.r_[False, np.diff(clocks[0]) == 0]
     if same.any():
         what = "1 pose has" if same.sum() == 1 else f"{same.sum()} poses have"
-        notes.append(f"{path}: {what} the time of the pose before, and is left out")
+        notes.append(f"{what} the time of the pose before, and is left out")
     clocks[0] = np.where(same, np.nan, clocks[0])
     kept = np.flatnonzero(np.isfinite(clocks[0]))
     back = kept[1:][np.diff(clocks[0][kept]) < 0]
@@ -175,9 +175,7 @@ def _parts(path: Path, read: Sequence[Messages]) -> tuple[list[Topics], list[str
         if pose and command:
             parts.append(Topics(pose, sensors, command))
     if not parts:
-        raise RecordingError(
-            f"{path}: its topics have no time in common; record them together"
-        )
+        raise RecordingError("its topics have no time in common; record them together")
     return parts, notes
 
 

@@ -64,8 +64,8 @@ def fault_of(*drives: np.ndarray, rate: float = 10.0) -> str:
     """Message about the velocities of a file, or nothing where they are accepted."""
     try:
         for states in drives:
-            refuse_other_velocities("drive", states[:: round(rate / 10)], ROVER)
-        refuse_other_turning("drive", [(states, rate) for states in drives])
+            refuse_other_velocities(states[:: round(rate / 10)], ROVER)
+        refuse_other_turning([(states, rate) for states in drives])
     except RecordingError as error:
         return str(error)
     return ""
@@ -155,7 +155,7 @@ def cart_drive(rng: np.random.Generator, off=0.0, facing=0.0, steps=60) -> Drive
 def said(drives: list[Drive]) -> list[str]:
     """What is said of drives of one file whose motion is off their yaw."""
     findings = Findings(skip=True, doubtful=True)
-    with findings.kept():
+    with findings.kept("file"):
         assert drives_along_yaw("file", drives, drives[0].body, findings) == drives
     return findings.faults + findings.notes
 
