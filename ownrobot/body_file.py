@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from sidm.body import SI, Body, units_like
-from sidm.config import ConfigError, no_such_file, unknown_name
+from sidm.config import ConfigError, no_such_file, replace, unknown_name
 
 
 def read_body(path: str | Path) -> Body:
-    """Read a body from a YAML file.
+    """Read a body from a YAML file with the fields of `Body`.
 
-    The file has the fields of `Body`; columns and actions are written as `name: unit`,
-    map and rate with their units.
+    Columns and actions are written as `name: unit`, map and rate with their units.
     """
     import yaml  # here, since commands that only list trials need no YAML
 
     try:
         with open(path, encoding="utf-8") as file:
             values = yaml.load(file, _strict_loader())
+        if not isinstance(values, dict):
+            raise ConfigError("a body is lines of 'name: value'")
+        return body_from_mapping(values, Path(path).stem)
     except FileNotFoundError:
         raise ConfigError(no_such_file(path)) from None
     except (OSError, UnicodeDecodeError) as error:
@@ -33,12 +34,6 @@ def read_body(path: str | Path) -> Body:
         raise ConfigError(f"{path}: no YAML ({text}){quote}") from None
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    if not isinstance(values, dict):
-        raise ConfigError(f"{path}: a body is lines of 'name: value'")
-    try:
-        return body_from_mapping(values, Path(path).stem)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
 
 
 def _strict_loader() -> Any:
@@ -47,13 +42,15 @@ def _strict_loader() -> Any:
 
     class Loader(yaml.SafeLoader):
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-            for number, (key, _) in enumerate(node.value):
-                if keys[number] in keys[:number]:
+            names: list[Any] = []
+            for key, _ in node.value:
+                name = self.construct_object(key, deep=True)
+                if name in names:
                     raise ConfigError(
-                        f"line {key.start_mark.line + 1}: '{keys[number]}' is given "
-                        "twice; leave one out"
+                        f"line {key.start_mark.line + 1}: '{name}' is given twice; "
+                        "leave one out"
                     )
+                names.append(name)
             return super().construct_mapping(node, deep)
 
     return Loader
@@ -73,10 +70,8 @@ def as_body(body: Body | str | Path | Mapping[str, Any]) -> Body:
 
 NUMBER_AND_UNIT = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)"
 #: Keys of a body's file; `map` stands for the fields `map_size` and `map_pixels`.
-KEYS = (
-    *("name", "pose", "tilt", "columns", "actions", "map", "rate", "weights"),
-    "resolution",
-)
+KEYS = "name pose tilt columns actions map rate weights resolution".split()
+MAP = ("size", "pixels")
 
 
 def body_from_mapping(values: Mapping[str, Any], name: str) -> Body:
@@ -104,50 +99,40 @@ def body_from_mapping(values: Mapping[str, Any], name: str) -> Body:
         )
     if "rate" in values:
         fields["rate"] = _quantity(values["rate"], "Hz", "rate")
-    body = Body(**fields, **_map_fields(values.get("map", "none")))
+    ground = values.get("map", "none")
+    if ground not in ("none", None):
+        if not isinstance(ground, dict) or not {"size"} <= {*ground} <= {*MAP}:
+            raise ConfigError(
+                f"map is 'none' or '{{size: 5 m, pixels: 32}}', not {ground!r}"
+            )
+        fields["map_size"] = _quantity(ground["size"], "m", "map size")
+        fields["map_pixels"] = ground.get("pixels", 0)
+    body = Body(**fields)
     if "resolution" in values:
-        resolution = _resolution(values["resolution"], body)
-        body = dataclasses.replace(body, resolution=resolution)
+        body = replace(body, resolution=_resolution(values["resolution"], body))
     return body
-
-
-def _map_fields(value: Any) -> dict[str, Any]:
-    """`map_size` and `map_pixels` from 'none' or a mapping with size and pixels."""
-    if value in ("none", None):
-        return {}
-    if not isinstance(value, dict) or set(value) not in ({"size"}, {"size", "pixels"}):
-        raise ConfigError(
-            f"map is 'none' or '{{size: 5 m, pixels: 32}}', not {value!r}"
-        )
-    size = _quantity(value["size"], "m", "map size")
-    return {"map_size": size, "map_pixels": value.get("pixels", 0)}
 
 
 def _resolution(values: Any, body: Body) -> tuple[tuple[str, float], ...]:
     """Names of components of y and their resolutions in SI units."""
+    resolutions, units = [], dict(body.changes)
     if not isinstance(values, dict):
         raise ConfigError(
             f"resolution is lines of 'name: value unit', as 'left: 1 mm', "
             f"not {values!r}"
         )
-    units = dict(body.changes)
-    for name in values:
+    for name, value in values.items():
         if name not in units:
             raise unknown_name(str(name), units, "resolution", "component")
-    return tuple(
-        (name, _in_si(value, units[name], f"the resolution of '{name}'"))
-        for name, value in values.items()
-    )
-
-
-def _in_si(value: Any, like: str, name: str) -> float:
-    """A number with its unit, of the kind of the unit `like`, in the SI unit."""
-    known = units_like(like)
-    match = re.fullmatch(NUMBER_AND_UNIT, str(value).strip())
-    if not match or (match[2] or "1") not in known:
-        units = " or ".join(known)
-        raise ConfigError(f"{name} is a number in {units}, not {value!r}")
-    return float(match[1]) * known[match[2] or "1"]
+        known = units_like(units[name])
+        match = re.fullmatch(NUMBER_AND_UNIT, str(value).strip())
+        if not match or (match[2] or "1") not in known:
+            raise ConfigError(
+                f"the resolution of '{name}' is a number in {' or '.join(known)}, "
+                f"not {value!r}"
+            )
+        resolutions.append((name, float(match[1]) * known[match[2] or "1"]))
+    return tuple(resolutions)
 
 
 def _quantity(value: Any, unit: str, name: str) -> float:

@@ -7,24 +7,19 @@ be used.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import io
 import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from sidm.config import ConfigError, DataError, Notice, first_line, hint
 
-#: Runs a command with its parsed arguments and returns the exit status.
-Command = Callable[[argparse.Namespace], int]
-
-
-#: Adds a command and returns its own parser. The arguments are the command's name, its
-#: function, its help and, for those of `ownrobot`, what else stands below the options.
+#: Adds a command and returns its own parser. The arguments are the command's name, the
+#: function that runs it and returns the exit status, its help, and perhaps examples.
 AddCommand = Callable[..., argparse.ArgumentParser]
 
 GOES_ON = "the same command goes on where this one was"
@@ -58,9 +53,7 @@ def command_adder(parser: argparse.ArgumentParser, names: Sequence[str]) -> AddC
     """A function that adds commands to `parser`; its help lists the `names`."""
     commands = parser.add_subparsers(metavar=" | ".join(names), required=True)
 
-    def add(
-        name: str, work: Command, help: str, examples: str = ""
-    ) -> argparse.ArgumentParser:
+    def add(name: str, work: Any, help: str, examples: str = "") -> Any:
         command = commands.add_parser(name, help=help, description=help)
         if examples:  # are printed line by line, as they are
             command.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -74,13 +67,14 @@ def command_adder(parser: argparse.ArgumentParser, names: Sequence[str]) -> AddC
 def carry_out(
     parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None
 ) -> int:
-    """Run the command that `arguments` name and return its exit status.
+    """Run the command that `arguments` name; an error is one line on stderr.
 
-    After an error, which is one line on stderr, that is 1 or 2.
+    Each `Notice` is one, too. Returns the exit status, 1 or 2 after an error.
     """
     parsed = parser.parse_args(arguments)
     try:
-        with notices_on_stderr():
+        with warnings.catch_warnings():
+            print_notices(sys.stderr)
             return _to_open_pipe(parsed)
     except ConfigError as error:
         status, line = 2, first_line(error)
@@ -108,14 +102,6 @@ def _to_open_pipe(parsed: argparse.Namespace) -> int:
         # The interpreter flushes the output once more as it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-
-
-@contextlib.contextmanager
-def notices_on_stderr() -> Iterator[None]:
-    """Print each `Notice` of the block as one line on stderr."""
-    with warnings.catch_warnings():
-        print_notices(sys.stderr)
-        yield
 
 
 def print_notices(file: TextIO) -> None:

@@ -5,9 +5,15 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
+from typing import Any
 
 from ownrobot.command_line import AddCommand, whole_number
-from ownrobot.commands.options import add_comparison_options, methods_text
+from ownrobot.commands.options import (
+    DRIVES,
+    add_robot_options,
+    add_settings,
+    methods_text,
+)
 from ownrobot.commands.tables import write_csv
 from sidm.config import ConfigError, parse_changes
 
@@ -26,32 +32,22 @@ def add_compare(add: AddCommand) -> None:
     )
     examples = f"{EXAMPLES}\n\nmethods:\n{methods_text()}"
     compare = add("compare", run_compare, text, examples)
-    add_comparison_options(compare)
+    compare.add_argument("drives", metavar="PATH", nargs="+", help=DRIVES)
+    add_robot_options(compare)
     text = "methods that are compared (those that can learn these robots)"
     compare.add_argument("--methods", metavar="NAME", nargs="+", default=[], help=text)
     text = "parts of the sessions, each held out once (%(default)s)"
-    compare.add_argument(
-        "--folds", type=whole_number, default=4, metavar="N", help=text
-    )
+    number: dict[str, Any] = {"type": whole_number, "metavar": "N"}
+    compare.add_argument("--folds", default=4, help=text, **number)
     text = "how often the sessions are divided anew, with another seed (%(default)s)"
-    compare.add_argument(
-        "--repeats", type=whole_number, default=3, metavar="N", help=text
-    )
+    compare.add_argument("--repeats", default=3, help=text, **number)
     text = "seed of the first repeat (%(default)s)"
     compare.add_argument("--seed", type=int, default=0, help=text)
-    compare.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="changes",
-        help="one setting of networks or training, as hidden=64; may be given again",
-    )
+    text = "one setting of networks or training, as hidden=64; may be given again"
+    add_settings(compare, text)
     workers = min(MOST_WORKERS, os.cpu_count() or 1)
     text = "processes that fit at the same time (%(default)s)"
-    compare.add_argument(
-        "--workers", type=whole_number, default=workers, metavar="N", help=text
-    )
+    compare.add_argument("--workers", default=workers, help=text, **number)
     text = "folder of the tables, the report and unfinished work (%(default)s)"
     compare.add_argument("--out", metavar="DIR", default="comparison", help=text)
 

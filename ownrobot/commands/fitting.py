@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ownrobot.command_line import AddCommand, whole_number
 from ownrobot.commands.options import (
-    add_fit_options,
+    DRIVES,
     add_model_options,
+    add_robot_options,
+    add_settings,
     methods_text,
     refuse_inputs,
     seconds,
@@ -20,8 +21,6 @@ from ownrobot.commands.tables import csv_text, errors_text, worst_text, write_cs
 from sidm.config import ConfigError, first_line, hint, parse_changes
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ownrobot.fitting.model import Model
     from sidm.drives import Drive
 
@@ -45,9 +44,10 @@ def add_fit(add: AddCommand) -> None:
         "resumes it."
     )
     fit = add("fit", run_fit, text, f"{FIT_EXAMPLES}\n\nmethods:\n{methods_text()}")
-    add_fit_options(fit)
-    fit.add_argument("--method", help="one of those below (%(default)s)")
-    fit.set_defaults(method="least_squares")
+    fit.add_argument("--novice", metavar="PATH", nargs="+", required=True, help=DRIVES)
+    add_robot_options(fit)
+    text = "one of those below (%(default)s)"
+    fit.add_argument("--method", default="least_squares", help=text)
     text = (
         "drives of the robot that evaluate the model and that it does not learn from "
         "(a quarter of the novice's sessions; with few sessions, folds)"
@@ -58,15 +58,11 @@ def add_fit(add: AddCommand) -> None:
         "(%(default)s)"
     )
     fit.add_argument("--seed", type=int, default=0, help=text)
-    fit.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="changes",
-        help="one setting of networks or training, as hidden=64 or p_expert=0.5; "
-        "may be given again",
+    text = (
+        "one setting of networks or training, as hidden=64 or p_expert=0.5; may be "
+        "given again"
     )
+    add_settings(fit, text)
     text = "where networks are trained, as cpu or cuda (%(default)s)"
     fit.add_argument("--device", metavar="NAME", default="cpu", help=text)
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
@@ -139,66 +135,53 @@ def _model_and_drives(arguments: argparse.Namespace) -> tuple[Model, list[Drive]
     from ownrobot.fitting.model import load
     from ownrobot.recordings import read_drives
 
+    reading = {"topics": arguments.topics, "skip_bad": arguments.skip_bad}
     model = load(arguments.model)
-    drives = read_drives(
-        arguments.drives,
-        model.body,
-        arguments.topics,
-        held=True,
-        skip_bad=arguments.skip_bad,
-    )
-    return model, drives
+    return model, read_drives(arguments.drives, model.body, held=True, **reading)
 
 
 def run_evaluate(arguments: argparse.Namespace) -> int:
-    """Run `ownrobot evaluate`: it prints the tables of errors and draws their figure.
+    """Run `ownrobot evaluate`: print errors, and draw them if Matplotlib is there."""
+    from sidm.storage import write_atomically
 
-    It draws nothing where Matplotlib is not installed.
-    """
     outputs = arguments.figure, arguments.csv, arguments.drives_csv
     refuse_inputs(outputs, arguments.drives)
-    draw = _figure_of(arguments.figure)
+    kind = _figure_kind(Path(arguments.figure))
     model, drives = _model_and_drives(arguments)
     table, by_drive = model.evaluate(drives), model.evaluate_drives(drives)
     if arguments.csv:
         write_csv(arguments.csv, table)
     if arguments.drives_csv:
         write_csv(arguments.drives_csv, by_drive)
-    if draw:
-        draw(table)
+    if kind:
+        from ownrobot.fitting.report import figure
+
+        drawn = figure(table)
+        path = Path(arguments.figure).resolve()
+        write_atomically(path, lambda file: drawn.savefig(file, format=kind))
     print(f"{arguments.model}: {model.score(drives)}")
     print(errors_text(table))
     print(worst_text(by_drive))
-    if draw:
+    if kind:
         print(f"figure: {arguments.figure}")
     return 0
 
 
-def _figure_of(name: str) -> Callable[[pd.DataFrame], None] | None:
-    """A function that draws errors into a file; None where Matplotlib is missing."""
-    from sidm.storage import write_atomically
-
+def _figure_kind(path: Path) -> str:
+    """The kind of a figure's file; '' where Matplotlib is missing."""
     try:
         from matplotlib.figure import Figure
-
-        from ownrobot.fitting.report import figure
     except ValueError as error:  # of the variable MPLBACKEND
         raise ConfigError(f"Matplotlib cannot draw: {first_line(error)}") from None
     except ImportError:
         text = "note: no figure is drawn without Matplotlib: pip install 'sidm[plots]'"
         print(text, file=sys.stderr)
-        return None
-    path = Path(name)
+        return ""
     kind = path.suffix.lstrip(".").lower() or "png"
     known = Figure().canvas.get_supported_filetypes()
     if kind not in known:
         raise ConfigError(f"{path}: no kind of figure; {hint(kind, known)}")
-
-    def draw(table: pd.DataFrame) -> None:
-        drawn = figure(table)
-        write_atomically(path.resolve(), lambda file: drawn.savefig(file, format=kind))
-
-    return draw
+    return kind
 
 
 def run_predict(arguments: argparse.Namespace) -> int:

@@ -6,25 +6,21 @@ import argparse
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from sidm.config import ConfigError
 
 DRIVES = "drives: files, ROS bags, or folders of files; NAME=PATH names their session"
 
 
-def add_fit_options(command: argparse.ArgumentParser) -> None:
-    """Add the drives of a novice, and of an expert if there are any."""
-    command.add_argument(
-        "--novice", metavar="PATH", nargs="+", required=True, help=DRIVES
-    )
-    _add_expert_and_bodies(command)
-    add_reading_options(command)
-
-
-def add_comparison_options(command: argparse.ArgumentParser) -> None:
-    """Add the drives of a robot by position, and of an expert if there are any."""
-    command.add_argument("drives", metavar="PATH", nargs="+", help=DRIVES)
-    _add_expert_and_bodies(command)
+def add_robot_options(command: argparse.ArgumentParser) -> None:
+    """Add an expert's drives, the bodies of both robots, and how drives are read."""
+    text = "drives of another robot, whose motion is cheaper"
+    command.add_argument("--expert", metavar="PATH", nargs="+", help=text)
+    text = "what the drives are made of, YAML"
+    command.add_argument("--body", metavar="FILE", required=True, help=text)
+    text = "what the expert's drives are made of, YAML (as --body)"
+    command.add_argument("--expert-body", metavar="FILE", help=text)
     add_reading_options(command)
 
 
@@ -36,21 +32,18 @@ def add_model_options(command: argparse.ArgumentParser) -> None:
     add_reading_options(command)
 
 
-def _add_expert_and_bodies(command: argparse.ArgumentParser) -> None:
-    text = "drives of another robot, whose motion is cheaper"
-    command.add_argument("--expert", metavar="PATH", nargs="+", help=text)
-    text = "what the drives are made of, YAML"
-    command.add_argument("--body", metavar="FILE", required=True, help=text)
-    text = "what the expert's drives are made of, YAML (as --body)"
-    command.add_argument("--expert-body", metavar="FILE", help=text)
-
-
 def add_reading_options(command: argparse.ArgumentParser) -> None:
     """Add how drives are read."""
     text = "topics of ROS bags that are read, where several could be meant (all)"
     command.add_argument("--topics", metavar="NAME", nargs="+", default=[], help=text)
     text = "leave out drives that have a fault, and name them"
     command.add_argument("--skip-bad", action="store_true", help=text)
+
+
+def add_settings(command: argparse.ArgumentParser, text: str) -> None:
+    """Add `--set`, whose values are `changes`."""
+    options: dict[str, Any] = {"action": "append", "default": [], "dest": "changes"}
+    command.add_argument("--set", metavar="NAME=VALUE", help=text, **options)
 
 
 def refuse_inputs(outputs: Iterable[str | None], inputs: Iterable[str | None]) -> None:

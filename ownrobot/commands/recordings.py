@@ -50,14 +50,10 @@ def run_check(arguments: argparse.Namespace) -> int:
     """Run `ownrobot check`: it prints what is there, and a line for each fault."""
     from ownrobot.recordings import inspect_drives
 
-    found = inspect_drives(
-        arguments.drives, arguments.body, arguments.topics, arguments.skip_bad
-    )
-    where = ", ".join(arguments.drives)
-    for line in _report(where, found, arguments.skip_bad):
-        print(line)
-    common = found["common_faults"]
-    wrong = common if arguments.skip_bad else [*found["faults"], *common]
+    skip_bad, where = arguments.skip_bad, ", ".join(arguments.drives)
+    found = inspect_drives(arguments.drives, arguments.body, arguments.topics, skip_bad)
+    print(*_report(where, found, skip_bad), sep="\n")
+    wrong = found["common_faults"] or (found["faults"] and not skip_bad)
     return 1 if wrong or not found["drives"] else 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -41,14 +42,14 @@ def run_replay(arguments: argparse.Namespace) -> int:
     """Run `ownrobot replay`: it writes the page and prints where it is."""
     from ownrobot.replay.viewer import View
 
-    path = Path(arguments.ride)
     refuse_inputs([arguments.html], [arguments.ride, arguments.body])
-    View(_scene(path, arguments), arguments.title or path.name).write(arguments.html)
+    title = arguments.title or Path(arguments.ride).name
+    View(_scene(arguments), title).write(arguments.html)
     print(f"{arguments.html}: open it in a browser")
     return 0
 
 
-def _scene(path: Path, arguments: argparse.Namespace) -> Any:
+def _scene(arguments: argparse.Namespace) -> Any:
     """The scene in a file, or the scene of one of the recorded drives in it."""
     from ownrobot.body_file import read_body
     from ownrobot.fitting.model import load
@@ -60,13 +61,12 @@ def _scene(path: Path, arguments: argparse.Namespace) -> Any:
     from sidm.storage import Damaged
     from sidm.systems import SYSTEMS
 
+    path = Path(arguments.ride)
     model = load(arguments.model) if arguments.model else None
     if path.suffix == ".npz" and not (arguments.body or model):
-        try:
+        # the file may hold recorded drives; reading them finds other faults
+        with contextlib.suppress(Damaged):
             scene = read_scene(path)
-        except Damaged:
-            pass  # The file may hold recorded drives; reading them finds other faults.
-        else:
             if arguments.shape or arguments.drive:
                 raise ConfigError(
                     f"{path} is a scene, and --shape and --drive are of recorded "

@@ -15,12 +15,12 @@ import numpy as np
 
 from ownrobot.recordings import checks
 from ownrobot.recordings.checks import GAP
+from ownrobot.recordings.messages import QUATERNION
 from ownrobot.recordings.table import RecordingError, Table
-from ownrobot.recordings.topics import Samples, Series, Topics, read_topics
+from ownrobot.recordings.topics import Samples, Topics, read_topics
 from sidm.body import Body
 from sidm.config import hint
 
-QUATERNION = ("qx", "qy", "qz", "qw")
 LONG_PAUSE = 1.0  # s without a command, from which a note tells that the last one holds
 
 
@@ -31,91 +31,86 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
     """
     wanted = [name for name, _ in (*body.state, *body.actions)]
     parts, notes, session = read_topics(path, topics)
-    pieces = [bag_columns(path, part, wanted, body.name) for part in parts]
-    notes += _notes_of_commands(path, parts, wanted)
+    pieces = [bag_columns(part, wanted, body.name) for part in parts]
+    notes += _notes_of_commands(parts, wanted)
     columns = {n: np.concatenate([piece[n] for piece in pieces]) for n in pieces[0]}
-    lengths = [len(piece["time"]) for piece in pieces]
     labels = {}
     if len(parts) > 1:
         notes.append(
-            f"{path}: the clock of its poses goes back {len(parts) - 1} times; a drive "
+            f"the clock of its poses goes back {len(parts) - 1} times; a drive "
             "begins there"
         )
         numbers = np.arange(len(parts)).astype(str)
-        labels["drive"] = np.repeat(numbers, lengths)
+        labels["drive"] = np.repeat(numbers, [len(piece["time"]) for piece in pieces])
     return Table(str(path), columns, labels, None, notes=notes, session=session)
 
 
-def _notes_of_commands(
-    path: Path, parts: Sequence[Topics], wanted: Sequence[str]
-) -> list[str]:
+def _notes_of_commands(parts: Sequence[Topics], wanted: Sequence[str]) -> list[str]:
     """What is said of a bag's commands: parts that are not read, and pauses."""
-    commands = parts[0].command
+    commands, notes = parts[0].command, []
     changing = [
         name
         for name in commands
         if name not in wanted
         and any(np.ptp(part.command[name].values) > 0 for part in parts)
     ]
-    notes = []
     if changing and any(name in commands for name in wanted):
         notes.append(
-            f"{path}: {', '.join(changing)} of the command changes and is not read; "
+            f"{', '.join(changing)} of the command changes and is not read; "
             "name it among the actions of the body"
         )
-    gaps = [
-        np.diff(part.command[name].times)
-        for part in parts
-        for name in wanted
-        if name in part.command
-    ]
-    longest = max((float(gap.max()) for gap in gaps if len(gap)), default=0.0)
-    usual = float(np.median(np.concatenate(gaps))) if longest else 0.0
-    if longest > max(LONG_PAUSE, GAP * usual):
+    read = [(part, name) for part in parts for name in wanted if name in part.command]
+    gaps = np.concatenate(
+        [np.zeros(0), *(np.diff(part.command[name].times) for part, name in read)]
+    )
+    if len(gaps) and gaps.max() > max(LONG_PAUSE, GAP * np.median(gaps)):
         notes.append(
-            f"{path}: commands pause for up to {longest:.3g} s; the last one is held"
+            f"commands pause for up to {gaps.max():.3g} s; the last one is held"
         )
     return notes
 
 
 def bag_columns(
-    path: Path, topics: Topics, wanted: Sequence[str], body: str
+    topics: Topics, wanted: Sequence[str], body: str
 ) -> dict[str, np.ndarray]:
-    """The wanted columns and `time`, s, (R,) each, at the times of the poses.
-
-    The times lie within those of all topics; `body` is a name for messages.
-    """
+    """The wanted columns and `time`, s, (R,), at poses within all topics' times."""
     known = topics.pose | topics.sensors | topics.command
     for name in wanted:
         if name not in known:
             raise RecordingError(
-                f"{path}: column '{name}' of body '{body}' is in no topic; "
-                f"{hint(name, known)}"
+                f"column '{name}' of body '{body}' is in no topic; {hint(name, known)}"
             )
     # a sensor of the same name as a part of the pose's message comes first
     sensors = {n: topics.sensors[n] for n in wanted if n in topics.sensors}
     commands = {n: topics.command[n] for n in wanted if n in topics.command}
-    poses = next(iter(topics.pose.values()))
+    poses = next(iter(topics.pose.values())).times
     if {"yaw", *QUATERNION} & set(wanted):
         quaternions = np.stack([topics.pose[name].values for name in QUATERNION], 1)
-        checks.unit_quaternions(f"{path}: orientation", quaternions)
-    time = _times_in_common(path, poses.times, sensors, commands or topics.command)
-    columns = {}
+        checks.unit_quaternions(quaternions, "orientation: ")
+    others = [*sensors.values(), *(commands or topics.command).values()]
+    inside = (poses >= max(one.times[0] for one in others)) & (
+        poses <= min(one.times[-1] for one in others)
+    )
+    for times, _ in sensors.values():  # nothing is interpolated across a pause
+        steps = np.diff(times)
+        pause = steps > GAP * max(np.median(np.diff(poses)), np.median(steps))
+        after = np.clip(np.searchsorted(times, poses, side="right"), 1, len(steps))
+        inside &= ~pause[after - 1] | np.isin(poses, times)
+    if inside.sum() < 2:
+        raise RecordingError("its topics have no time in common; record them together")
+    time, columns = poses[inside], {}
     for name in wanted:
         if name in commands:
             columns[name] = _held_means(commands[name], time)
         elif name in sensors:
             columns[name] = np.interp(time, *sensors[name])
         else:
-            columns[name] = topics.pose[name].values[np.isin(poses.times, time)]
+            columns[name] = topics.pose[name].values[inside]
     return columns | {"time": time}
 
 
 def _held_means(command: Samples, time: np.ndarray) -> np.ndarray:
-    """Means (R,) of a command, held until the next one, from each row to the next.
-
-    A row before a pause has the mean over a usual spacing of the rows.
-    """
+    """Means (R,) of a command from each row to the next, or to a pause."""
     spacing = float(np.median(np.diff(time)))
     ends = np.minimum(np.r_[time[1:], np.inf], time + GAP * spacing)
     ends[-1] = time[-1] + spacing
@@ -126,23 +121,3 @@ def _held_means(command: Samples, time: np.ndarray) -> np.ndarray:
         return steps[held] + (at - command.times[held]) * command.values[held]
 
     return (integral(ends) - integral(time)) / (ends - time)
-
-
-def _times_in_common(
-    path: Path, poses: np.ndarray, sensors: Series, commands: Series
-) -> np.ndarray:
-    """Times of poses, s, at which sensors and commands are known."""
-    others = [samples.times for samples in (*sensors.values(), *commands.values())]
-    first, last = max(t[0] for t in others), min(t[-1] for t in others)
-    inside = (poses >= first) & (poses <= last)
-    spacing = np.median(np.diff(poses))
-    for times, _ in sensors.values():
-        steps = np.diff(times)
-        pause = steps > GAP * max(spacing, np.median(steps))
-        after = np.clip(np.searchsorted(times, poses, side="right"), 1, len(steps))
-        inside &= ~pause[after - 1] | np.isin(poses, times)
-    if inside.sum() < 2:
-        raise RecordingError(
-            f"{path}: its topics have no time in common; record them together"
-        )
-    return poses[inside]

@@ -25,19 +25,34 @@ NAMED_LAG = 0.1
 
 
 class Messages(NamedTuple):
-    """The messages of one topic, in the order in which they came.
-
-    Attributes:
-        topic: its name
-        received: (N,) s; 0 before a simulation's first clock
-        stamps: (N,) s; None where the messages have none
-        columns: name -> the messages (n,) that have it, and its values (n,)
-    """
+    """The messages of one topic, in the order in which they came."""
 
     topic: str
-    received: np.ndarray
-    stamps: np.ndarray | None
+    received: np.ndarray  # (N,) s; 0 before a simulation's first clock
+    stamps: np.ndarray | None  # (N,) s; None where the messages have none
+    #: name -> the messages (n,) that have it, and its values (n,)
     columns: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    @property
+    def known(self) -> np.ndarray:
+        """Times of receipt (N,), s; NaN before a simulation's first clock."""
+        return np.where(self.received > 0, self.received, np.nan)
+
+    @property
+    def spans(self) -> tuple[float, float, float]:
+        """Spans of stamps and of receipt, and the median lag between both, s."""
+        there = self.received > 0
+        if self.stamps is None or there.sum() < 2:
+            return 0.0, 0.0, 0.0
+        stamps, received = self.stamps[there], self.received[there]
+        lag = float(np.median(received - stamps))
+        return float(np.ptp(stamps)), float(np.ptp(received)), lag
+
+    @property
+    def has_one_clock(self) -> bool:
+        """Whether stamps and times of receipt are of one clock."""
+        stamps, received, lag = self.spans
+        return abs(lag) < SAME_CLOCK and abs(stamps - received) <= SAME_SPAN * received
 
 
 def on_one_clock(topics: Sequence[Messages]) -> tuple[list[np.ndarray], list[str]]:
@@ -45,83 +60,49 @@ def on_one_clock(topics: Sequence[Messages]) -> tuple[list[np.ndarray], list[str
 
     A time is NaN where a message has none.
     """
-    topics, notes = _with_stamps_of_one_clock(topics)
-    stamped = [one for one in topics if one.stamps is not None]
-    if not stamped:
-        return [_known(one.received) for one in topics], notes
-    reference, told = stamped[0], " ".join(notes)
-    notes += filter(None, map(_lag, stamped))
-    others = [one.topic for one in topics if one.stamps is None]
-    names = ", ".join(sorted({name for name in others if f"{name}: " not in told}))
-    if names and not _same_clock(reference):
-        notes.append(
-            f"{names}: without stamps, brought to the clock of those of "
-            f"{reference.topic} by the times of receipt"
-        )
-    times = [
-        one.stamps
-        if one.stamps is not None
-        else _to_stamps(_known(one.received), reference)
-        for one in topics
-    ]
-    return times, notes
-
-
-def _with_stamps_of_one_clock(
-    topics: Sequence[Messages],
-) -> tuple[list[Messages], list[str]]:
-    """The topics, with those stamps that can be used, and a line about each other's."""
-    usable, notes, reference = [], [], None
+    reference, usable, notes = None, [], []
     for one in topics:
         fault = ""
         if one.stamps is not None:
-            stamps, received, _ = _spans(one)
+            stamps, received, _ = one.spans
             if stamps < STANDING * received:
                 fault = "do not grow"
             elif reference is None:
                 reference = one
             else:
-                expected = _to_stamps(_known(one.received), reference)
-                apart = float(np.nanmedian(one.stamps - expected))
+                apart = np.nanmedian(one.stamps - _to_stamps(one.known, reference))
                 if abs(apart) > SAME_CLOCK:
                     fault = f"are {abs(apart):.3g} s from those of {reference.topic}"
         if fault:
             notes.append(f"{one.topic}: its stamps {fault}; the times of receipt count")
         usable.append(one._replace(stamps=None) if fault else one)
-    return usable, notes
-
-
-def _known(received: np.ndarray) -> np.ndarray:
-    """Times of receipt (N,), NaN before a simulation's first clock."""
-    return np.where(received > 0, received, np.nan)
-
-
-def _spans(one: Messages) -> tuple[float, float, float]:
-    """Spans of stamps and of receipt, and the median lag between both, s."""
-    assert one.stamps is not None
-    there = one.received > 0
-    if there.sum() < 2:
-        return 0.0, 0.0, 0.0
-    stamps, received = one.stamps[there], one.received[there]
-    lag = float(np.median(received - stamps))
-    return float(np.ptp(stamps)), float(np.ptp(received)), lag
-
-
-def _same_clock(one: Messages) -> bool:
-    """Whether the stamps of a topic and its times of receipt are of one clock."""
-    stamps, received, lag = _spans(one)
-    return abs(lag) < SAME_CLOCK and abs(stamps - received) <= SAME_SPAN * received
+    if reference is None:
+        return [one.known for one in usable], notes
+    told = " ".join(notes)
+    others = {one.topic for one in usable if one.stamps is None}
+    names = ", ".join(sorted(name for name in others if f"{name}: " not in told))
+    notes += filter(None, map(_lag, usable))
+    if names and not reference.has_one_clock:
+        notes.append(
+            f"{names}: without stamps, brought to the clock of those of "
+            f"{reference.topic} by the times of receipt"
+        )
+    times = [
+        _to_stamps(one.known, reference) if one.stamps is None else one.stamps
+        for one in usable
+    ]
+    return times, notes
 
 
 def _lag(one: Messages) -> str:
     """A line about a topic whose stamps and times of receipt differ; '' otherwise."""
-    stamps, received, lag = _spans(one)
+    stamps, received, lag = one.spans
     if abs(stamps - received) > SAME_SPAN * max(stamps, received):
         return (
             f"{one.topic}: its messages span {received:.4g} s by their times of "
             f"receipt and {stamps:.4g} s by their stamps; the stamps count"
         )
-    if _same_clock(one) and abs(lag) > NAMED_LAG:
+    if one.has_one_clock and abs(lag) > NAMED_LAG:
         way = "after" if lag > 0 else "before"
         return (
             f"{one.topic}: its messages come {abs(lag):.2g} s {way} their stamps; the "
@@ -132,13 +113,12 @@ def _lag(one: Messages) -> str:
 
 def _to_stamps(received: np.ndarray, reference: Messages) -> np.ndarray:
     """Times of receipt (N,) brought to the clock of another topic's stamps."""
-    if _same_clock(reference):
+    if reference.has_one_clock:
         return received
     assert reference.stamps is not None
     there = reference.received > 0
     known, where = np.unique(reference.received[there], return_inverse=True)
-    counts = np.bincount(where)
-    stamps = np.bincount(where, reference.stamps[there]) / counts
-    inside = np.interp(received, known, stamps)
+    stamps = np.bincount(where, reference.stamps[there]) / np.bincount(where)
     before, after = received - known[0], received - known[-1]
+    inside = np.interp(received, known, stamps)
     return inside + np.minimum(before, 0) + np.maximum(after, 0)

@@ -28,12 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ownrobot.recordings.csv_text import (
-    HEADER,
-    TextTable,
-    as_float,
-    split_header,
-)
+from ownrobot.recordings.csv_text import HEADER, TextTable, as_float, split_header
 from ownrobot.recordings.exports import read_text
 from ownrobot.recordings.table import RecordingError, Table, unit_factors
 from sidm.body import SI, Body
@@ -43,88 +38,78 @@ from sidm.storage import write_atomically
 
 
 def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
-    """Read the columns of a body from a file; RecordingError names the first fault.
-
-    If `lenient`, a cell that is no number is NaN in a file of several drives; its drive
-    alone is then refused.
-    """
+    """Read a body's columns; if `lenient`, what is no number can be NaN."""
     text = read_text(path)
     header, names = text.header, text.names
     timed = "time" in names
     if not timed and "rate" not in header:
         raise RecordingError(
-            f"{path}: it has neither a line '# rate: 10 Hz' nor a column 'time [s]'"
+            "it has neither a line '# rate: 10 Hz' nor a column 'time [s]'"
         )
-    factors = unit_factors(str(path), names, text.units, body, timed)
-    lenient = lenient and bool({"drive", "session"} & set(names))
-    columns = {
-        name: (text.elapsed(name) if name == "time" else text.numbers(name, lenient))
-        * factor
-        for name, factor in factors.items()
-    }
+    factors = unit_factors(names, text.units, body, timed)
     labels: dict[str, np.ndarray] = {
-        name: np.array(text.cells[names.index(name)])
+        name: np.array(text.column(name))
         for name in ("drive", "session")
         if name in names
     }
+    lenient = lenient and bool(labels)
+    columns = {
+        name: (text.elapsed() if name == "time" else text.numbers(name, lenient))
+        * factor
+        for name, factor in factors.items()
+    }
     rate = None if timed else rate_of(text)
-    ground = _ground(path, header) if body.map_size else None
+    ground = _ground(path.parent, header) if body.map_size else None
     return Table(str(path), columns, labels, rate, ground, text.notes)
 
 
 def rate_of(text: TextTable) -> float:
     """The rate in a file's header, Hz."""
-    return _number(text.path, text.header, "rate", "Hz")
+    return _number(text.header, "rate", "Hz")
 
 
 def heights_file(path: Path) -> Path | None:
-    """The file of heights that a file of drives names in its header.
-
-    None where the file names none or has no valid header.
-    """
+    """The file of heights that a file of drives names in its header, if any."""
     try:
         return path.parent / split_header(path)[0]["heights"]
     except (RecordingError, KeyError):
         return None
 
 
-def _number(path: Path, header: Mapping[str, str], name: str, unit: str) -> float:
+def _number(header: Mapping[str, str], name: str, unit: str) -> float:
     number = as_float(header[name].removesuffix(unit))
     if not 0 < number < float("inf"):
         raise RecordingError(
-            f"{path}: '{name}: {header[name]}' is not a positive number in {unit}"
+            f"'{name}: {header[name]}' is not a positive number in {unit}"
         )
     return number
 
 
-def _ground(path: Path, header: Mapping[str, str]) -> Ground:
+def _ground(folder: Path, header: Mapping[str, str]) -> Ground:
+    """The ground that a header describes, with heights (H, W), m, of another file."""
     for name in ("heights", "spacing"):
         if name not in header:
             raise RecordingError(
-                f"{path}: the header has no line '# {name}: ...' ({HEADER[name]})"
+                f"the header has no line '# {name}: ...' ({HEADER[name]})"
             )
     try:
         x, y = map(float, header.get("centre", "0 0").removesuffix("m").split())
     except ValueError:
         raise RecordingError(
-            f"{path}: 'centre: {header['centre']}' is not an x and a y in m"
+            f"'centre: {header['centre']}' is not an x and a y in m"
         ) from None
-    heights = _heights(path.parent / header["heights"])
-    return Ground(heights, _number(path, header, "spacing", "m"), (x, y))
-
-
-def _heights(path: Path) -> np.ndarray:
-    """Read heights (H, W), m, from a .csv or .npy file."""
+    file = folder / header["heights"]
     try:
-        if path.suffix == ".npy":
-            return np.load(path, allow_pickle=False)
-        return np.loadtxt(path, delimiter=",", ndmin=2, encoding="utf-8-sig")
+        if file.suffix == ".npy":
+            heights = np.load(file, allow_pickle=False)
+        else:
+            heights = np.loadtxt(file, delimiter=",", ndmin=2, encoding="utf-8-sig")
     except FileNotFoundError:
-        raise RecordingError(f"{path}: there is no such file of heights") from None
+        raise RecordingError("there is no such file of heights", file) from None
     except (OSError, ValueError, EOFError) as error:
-        raise RecordingError(
-            f"{path}: the heights cannot be read ({first_line(error)})"
-        ) from None
+        fault = f"the heights cannot be read ({first_line(error)})"
+        raise RecordingError(fault, file) from None
+    return Ground(heights, _number(header, "spacing", "m"), (x, y))
 
 
 def write_csv(path: Path, drives: Sequence[Drive], origin: str) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 # attitudes as arrays; those of `sidm.rotations` are tensors
 from scipy.spatial.transform import Rotation
 
-from ownrobot.recordings.checks import has_twist
+from ownrobot.recordings.checks import constant_columns, has_twist
 from ownrobot.recordings.table import RecordingError
 from sidm.body import DRIVE, Body
 from sidm.drives import QUATERNION, Drive, Ground, yaw_of
@@ -61,13 +61,8 @@ AXES = [
 ANGULAR = ("wx", "wy", "wz")
 
 
-def refuse_other_maps(
-    name: str, states: np.ndarray, ground: Ground | None, body: Body
-) -> None:
-    """Refuse states (K + 1, S) that do not fit the map of the ground.
-
-    They leave the map, lie far above it, or fit a flipped or transposed map better.
-    """
+def refuse_other_maps(states: np.ndarray, ground: Ground | None, body: Body) -> None:
+    """Refuse states (K + 1, S) that fit no map, or a flipped one better."""
     if ground is None:
         return
     half = [(size - 1) / 2 * ground.spacing for size in reversed(ground.heights.shape)]
@@ -75,7 +70,7 @@ def refuse_other_maps(
     if outside.size:
         x, y = states[outside[0], :2]
         raise RecordingError(
-            f"{name}: {outside[0] / body.rate:g} s after its start the robot is "
+            f"{outside[0] / body.rate:g} s after its start the robot is "
             f"{x:.2f} m, {y:.2f} m from the middle of its ground, "
             f"which ends at {half[0]:.2f} m, {half[1]:.2f} m"
         )
@@ -85,7 +80,7 @@ def refuse_other_maps(
     above = z - height_at(ground.heights, x, y, ground.spacing)
     if abs(np.median(above)) > MAX_ABOVE:
         raise RecordingError(
-            f"{name}: the robot is {np.median(above):.2f} m above the ground (median); "
+            f"the robot is {np.median(above):.2f} m above the ground (median); "
             "is it another map?"
         )
     mirrored = ground.heights[:, ::-1]
@@ -97,38 +92,32 @@ def refuse_other_maps(
     for fault, heights in others.items():
         other = z - height_at(heights, x, y, ground.spacing)
         if other.std() < FLIPPED * above.std() and above.std() > LEAST_SPREAD:
-            raise RecordingError(f"{name}: the map of the ground seems to be {fault}")
+            raise RecordingError(f"the map of the ground seems to be {fault}")
 
 
-def refuse_other_velocities(name: str, states: np.ndarray, body: Body) -> None:
-    """Refuse states (K + 1, S) whose positions jump or differ from their velocities.
-
-    The body has a twist. Positions and velocities are compared over windows of 1 s.
-    """
-    rate, position = body.rate, states[:, :3]
-    velocities = Rotation.from_quat(states[:, 3:7]).apply(
-        states[:, 7:10]
-    )  # world frame
-    moved = np.diff(position, axis=0)  # (K, 3) m
+def refuse_other_velocities(states: np.ndarray, body: Body) -> None:
+    """Refuse states (K + 1, S) whose positions jump or contradict velocities."""
+    rate, attitudes = body.rate, Rotation.from_quat(states[:, 3:7])
+    velocities = attitudes.apply(states[:, 7:10])  # world frame
+    moved = np.diff(states[:, :3], axis=0)  # (K, 3) m
     unexplained = moved - _between(velocities) / rate
     explained = np.linalg.norm(velocities[1:], axis=1) / rate
     jumps = np.flatnonzero(np.linalg.norm(unexplained, axis=1) > JUMP + explained)
     if jumps.size:
         raise RecordingError(
-            f"{name}: {jumps[0] / rate:g} s after its start the position jumps; "
+            f"{jumps[0] / rate:g} s after its start the position jumps; "
             "make two drives of it there"
         )
     off = _rms(_window_sums(unexplained, WINDOW * rate))
     way = _rms(_window_sums(np.linalg.norm(moved, axis=1)[:, None], WINDOW * rate))
     if off > max(UNEXPLAINED_WAY * way, NOISE):
         raise RecordingError(
-            f"{name}: velocities do not lead where the robot was "
-            f"({off:.2f} of {way:.2f} m a second); "
-            "they must be in the body frame, x forward, y left"
+            f"velocities do not lead where the robot was ({off:.2f} of {way:.2f} m a "
+            "second); they must be in the body frame, x forward, y left"
         )
 
 
-def refuse_other_turning(name: str, drives: Sequence[tuple[np.ndarray, float]]) -> None:
+def refuse_other_turning(drives: Sequence[tuple[np.ndarray, float]]) -> None:
     """Refuse angular velocities that turn a robot otherwise than its attitudes did.
 
     All drives are compared together, states (R, 13) of all recorded rows and their
@@ -136,84 +125,73 @@ def refuse_other_turning(name: str, drives: Sequence[tuple[np.ndarray, float]]) 
     the control steps. A wrong unit of a column is refused, and axes or a frame where
     other ones fit better.
     """
-    if not drives:
-        return
-    turned, rates, world_rates = _turning(drives)
-    if len(turned) < FEWEST_WINDOWS:
-        return
-    for axis, column in enumerate(ANGULAR):
-        by_attitude, by_rate = (_rms(turn[:, [axis]]) for turn in (turned, rates))
-        least, most = sorted((by_attitude, by_rate))
-        if most > max(TURN_RATIO * least, LEAST_TURN):
-            raise RecordingError(
-                f"{name}: it turned by {by_attitude / TURN_WINDOW:.2g} rad a second by "
-                f"its attitudes, by {by_rate / TURN_WINDOW:.2g} by '{column}'; "
-                "is it in the unit that the header names?"
-            )
-    off = _rms(turned - rates)
-    if off < UNEXPLAINED_TURN:
-        return
-    others = {
-        _axes_text(order, signs): _rms(turned - rates[:, order] * signs)
-        for order, signs in AXES
-    } | {"as rates in the world's frame": _rms(turned - world_rates)}
-    better = min(others, key=others.__getitem__)
-    if others[better] < BETTER * off:
-        raise RecordingError(
-            f"{name}: angular velocities fit the attitudes better {better}; "
-            "they must be in the body frame, x forward, y left, z up, "
-            "positive to the left about z"
-        )
-
-
-def _turning(
-    drives: Sequence[tuple[np.ndarray, float]],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Turning (W, 3), rad, in the windows of all drives, in the body frame.
-
-    By the attitudes, by the angular velocities, and by the angular velocities if these
-    are in the world's frame.
-    """
-    parts = []
+    parts = []  # rad in each window: by attitudes, by rates, by rates in the world
     for states, rate in drives:
         attitudes, rates = Rotation.from_quat(states[:, 3:7]), states[:, 10:13]
         turned = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()
         world_rates = attitudes.apply(rates, inverse=True)
         steps = turned, _between(rates) / rate, _between(world_rates) / rate
         parts.append([_window_sums(step, TURN_WINDOW * rate) for step in steps])
-    turned, rates, world_rates = map(np.concatenate, zip(*parts, strict=True))
-    return turned, rates, world_rates
-
-
-def _axes_text(order: Sequence[int], signs: Sequence[int]) -> str:
-    """Axes in words: 'as (wx, -wz, wy)'."""
-    pairs = zip(order, signs, strict=True)
-    names = [f"{'-' if sign < 0 else ''}{ANGULAR[axis]}" for axis, sign in pairs]
-    return f"as ({', '.join(names)})"
-
-
-def refuse_together(name: str, drives: Sequence[Drive], body: Body) -> None:
-    """Refuse what only all drives of a robot show together.
-
-    Without a twist this is a rate or velocity that differs from the poses; with a twist
-    it is steering of the wrong sign.
-    """
-    if not has_twist(body):
-        _refuse_other_rates(name, drives, body)
-    elif body.actions == DRIVE:
-        refuse_other_steering(name, drives)
-
-
-def _refuse_other_rates(name: str, drives: Sequence[Drive], body: Body) -> None:
-    """Refuse a yaw rate or a forward velocity that differs from that of the poses.
-
-    The sign, the unit or the frame is wrong, or the sensor fails.
-    """
-    if body.pose == "none":
+    if sum(len(turned) for turned, _, _ in parts) < FEWEST_WINDOWS:
         return
+    turned, rates, world_rates = map(np.concatenate, zip(*parts, strict=True))
+    for axis, column in enumerate(ANGULAR):
+        by_attitude, by_rate = (_rms(turn[:, [axis]]) for turn in (turned, rates))
+        least, most = sorted((by_attitude, by_rate))
+        if most > max(TURN_RATIO * least, LEAST_TURN):
+            raise RecordingError(
+                f"it turned by {by_attitude / TURN_WINDOW:.2g} rad a second by "
+                f"its attitudes, by {by_rate / TURN_WINDOW:.2g} by '{column}'; "
+                "is it in the unit that the header names?"
+            )
+    off = _rms(turned - rates)
+    if off < UNEXPLAINED_TURN:
+        return
+    others = {}
+    for order, signs in AXES:
+        pairs = zip(order, signs, strict=True)
+        axes = [f"{'-' if sign < 0 else ''}{ANGULAR[axis]}" for axis, sign in pairs]
+        others[f"as ({', '.join(axes)})"] = _rms(turned - rates[:, order] * signs)
+    others["as rates in the world's frame"] = _rms(turned - world_rates)
+    better = min(others, key=others.__getitem__)
+    if others[better] < BETTER * off:
+        raise RecordingError(
+            f"angular velocities fit the attitudes better {better}; they must be in "
+            "the body frame, x forward, y left, z up, positive to the left about z"
+        )
+
+
+def faults_together(
+    name: str, drives: Sequence[Drive], body: Body, held: bool = False
+) -> list[str]:
+    """What only all drives of a robot show together, one line each.
+
+    A column never changes, unless that is accepted (`held`); a rate or a velocity
+    differs from the poses; or, with a twist, the steering has the wrong sign.
+    """
+    faults = [
+        f"'{column}' never changes; mend it, or leave it out of the body"
+        for column in ([] if held else constant_columns(drives, body))
+    ]
+    if not has_twist(body):
+        faults += _other_rate(drives, body)
+    elif body.actions == DRIVE:
+        faults += _other_steering(drives)
+    return [f"{name}: {fault}" for fault in faults]
+
+
+def _other_rate(drives: Sequence[Drive], body: Body) -> list[str]:
+    """The first yaw rate or forward velocity that differs from that of the poses."""
+    if body.pose == "none":
+        return []
     names = [column for column, _ in body.columns]
-    motions = [_planar_motion(drive, body) for drive in drives]
-    turning, forward = (np.concatenate(parts) for parts in zip(*motions, strict=True))
+    motions = []
+    for drive in drives:
+        yaw = yaw_of_drive(drive)
+        x, y = (np.diff(drive.states[:, :2], axis=0) * body.rate).T
+        forward = x * np.cos(yaw[:-1]) + y * np.sin(yaw[:-1])
+        motions.append((np.diff(yaw) * body.rate, forward))
+    turning, forward = map(np.concatenate, zip(*motions, strict=True))
     for column, moved, least in (
         ("yaw_rate", turning, LEAST_YAW_RATE),
         ("wz", turning, LEAST_YAW_RATE),
@@ -228,43 +206,35 @@ def _refuse_other_rates(name: str, drives: Sequence[Drive], body: Body) -> None:
         slope = float((recorded * moved).sum() / max((recorded**2).sum(), 1e-12))
         if not 1 / RATE_RATIO < slope < RATE_RATIO:
             fault = "of the other sign" if slope < 0 else "in another unit or frame"
-            raise RecordingError(
-                f"{name}: the poses move {slope:.2g} times as '{column}' says; "
+            return [
+                f"the poses move {slope:.2g} times as '{column}' says; "
                 f"is it {fault}, or does its sensor fail?"
-            )
+            ]
+    return []
 
 
-def _planar_motion(drive: Drive, body: Body) -> tuple[np.ndarray, np.ndarray]:
-    """Yaw rate, rad/s, and forward velocity, m/s, (K,) each, from a drive's poses."""
-    states, planar = drive.states, body.pose == "planar"
-    yaw = states[:, 2] if planar else np.unwrap(yaw_of(states[:, QUATERNION]))
-    x, y = (np.diff(states[:, :2], axis=0) * body.rate).T
-    forward = x * np.cos(yaw[:-1]) + y * np.sin(yaw[:-1])
-    return np.diff(yaw) * body.rate, forward
-
-
-def refuse_other_steering(name: str, drives: Sequence[Drive]) -> None:
-    """Refuse drives in which robots turn against their steering while driving forward.
+def _other_steering(drives: Sequence[Drive]) -> list[str]:
+    """That robots turn against their steering while driving forward, if they do.
 
     All drives are checked together, because the ground turns a robot too, and in a
     single drive it may do so more than the steering. Driving backwards is not checked,
     because a car then turns the other way and a robot with tracks does not.
     """
-    steering, speed, turning = (
-        np.concatenate(values)
-        for values in zip(
-            *((d.actions[:, 1], d.states[1:, 7], d.states[1:, 12]) for d in drives),
-            strict=True,
-        )
-    )
+    steering = np.concatenate([drive.actions[:, 1] for drive in drives])
+    speed, turning = np.concatenate([d.states[1:, [7, 12]] for d in drives]).T
     pairs = np.stack([steering * speed, turning])[:, speed > FORWARD]
     if pairs.shape[1] < FEWEST_STEPS or (pairs.std(1) < LEAST_STEERING).any():
-        return
-    if np.corrcoef(pairs)[0, 1] > OTHER_SIGN:
-        raise RecordingError(
-            f"{name}: robots turn against their steering, "
-            "which must be positive to the right"
-        )
+        return []
+    if np.corrcoef(pairs)[0, 1] <= OTHER_SIGN:
+        return []
+    return ["robots turn against their steering, which must be positive to the right"]
+
+
+def yaw_of_drive(drive: Drive) -> np.ndarray:
+    """Yaw (K + 1,), rad, without jumps, of a drive with a pose."""
+    if drive.body.pose == "planar":
+        return drive.states[:, 2]
+    return np.unwrap(yaw_of(drive.states[:, QUATERNION]))
 
 
 def _between(rows: np.ndarray) -> np.ndarray:

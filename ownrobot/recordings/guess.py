@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,14 +16,15 @@ import numpy as np
 from ownrobot.recordings import checks
 from ownrobot.recordings.csv_file import rate_of
 from ownrobot.recordings.exports import read_text
+from ownrobot.recordings.messages import QUATERNION, unit_of
 from ownrobot.recordings.reading import (
     drives_of_paths,
     files_of,
     is_bag,
     session_and_path,
 )
-from ownrobot.recordings.resampling import Rows, pose_rate
-from ownrobot.recordings.table import EXTRA, Findings, RecordingError
+from ownrobot.recordings.resampling import pose_rate
+from ownrobot.recordings.table import EXTRA, Findings, RecordingError, faults_of
 from sidm.body import POSES, TWIST, Body, Columns, Pose, units_like
 from sidm.config import replace
 from sidm.drives import yaw_of
@@ -54,6 +55,10 @@ class _Recording(NamedTuple):
     time: list[np.ndarray]  # s, the rows of each drive
     left_out: dict[str, str]  # name -> why
 
+    def stacked(self, names: Iterable[str]) -> np.ndarray:
+        """Some columns (R, N) beside each other."""
+        return np.stack([self.numbers[name] for name in names], 1)
+
 
 class Guess(NamedTuple):
     """A guessed body."""
@@ -82,13 +87,8 @@ class Guess(NamedTuple):
 def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
     """A first body for the drives of a CSV file, a ROS bag, or a folder of them.
 
-    Args:
-        path: of the file, the bag or the folder, whose first file is read.
-        topics: names of the topics to read from a bag; all unless given.
-
-    Raises:
-        RecordingError: the file has a fault, or no column seems to be a command; the
-            message is one line.
+    Of a folder its first file is read, and of a bag all topics unless some are named. A
+    fault, or that no column seems to be a command, raises RecordingError.
 
     Examples:
         >>> from ownrobot.recordings import guess_body
@@ -96,24 +96,32 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
         >>> guess.body.pose, guess.body.actions
         ('planar', (('throttle', '1'), ('steering', 'rad')))
     """
-    file = files_of(session_and_path(path)[1])[0]
+    place = session_and_path(path)[1]
+    with faults_of(place):
+        file = files_of(place)[0]
+    with faults_of(file):
+        return _guess(file, topics)
+
+
+def _guess(file: Path, topics: Sequence[str]) -> Guess:
+    """A first body for the drives of a CSV file or a ROS bag."""
     if is_bag(file):
         recording = _of_bag(file, topics)
     elif ".csv" in file.name.lower():
         recording = _of_csv(file)
     else:
-        raise RecordingError(f"{file}: a body is guessed from a CSV file or a ROS bag")
+        raise RecordingError("a body is guessed from a CSV file or a ROS bag")
     pose, why_pose = _pose(recording)
-    left_out = dict(recording.left_out)
-    columns = _columns(recording, pose, is_bag(file), left_out)
+    columns, left_out = _columns(recording, pose, is_bag(file))
     if not recording.commands:
         named = [*recording.numbers, *recording.left_out] or ["no column of numbers"]
         raise RecordingError(
-            f"{file}: no column seems to be a command (command..., cmd..., throttle, "
+            "no column seems to be a command (command..., cmd..., throttle, "
             f"steering); rename one of {', '.join(named)}"
         )
     for number, time in enumerate(recording.time):
-        checks.refuse_times(f"{file}: drive {number}", time)
+        with faults_of(f"{file}: drive {number}"):
+            checks.refuse_times(time)
     rate, why_rate = _rate(recording, pose)
     body = Body(
         name=file.name.partition(".")[0],
@@ -122,18 +130,28 @@ def guess_body(path: str | Path, topics: Sequence[str] = ()) -> Guess:
         actions=tuple((name, recording.units[name]) for name in recording.commands),
         rate=rate,
     )
-    body, constant, faults = _tried(file, body, topics)
+    findings = Findings(skip=True, doubtful=True)
+    constant: list[str] = []
+    try:
+        drives = drives_of_paths([file], body, topics, findings)
+        constant = checks.constant_columns(drives, body) if drives else []
+    except RecordingError as error:
+        findings.faults = [str(error)]
+    actions = tuple(pair for pair in body.actions if pair[0] not in constant)
+    if not actions:
+        raise RecordingError("no command changes; record drives that steer")
+    columns = tuple(pair for pair in body.columns if pair[0] not in constant)
     left_out |= dict.fromkeys(constant, "it never changes")
-    *others, last = [name for name, _ in body.actions]
-    actions = f"{', '.join(others)} and {last}" if others else last
+    *others, last = [name for name, _ in actions]
+    commands = f"{', '.join(others)} and {last}" if others else last
     notes = [
         f"pose: {why_pose}",
         "columns: what the robot's sensors measure, and their units",
-        f"actions: are {actions} commands, and not measurements?",
+        f"actions: are {commands} commands, and not measurements?",
         why_rate,
-        *faults,
+        *(f"reading says: {fault}" for fault in findings.faults[:1]),
     ]
-    return Guess(body, notes, left_out)
+    return Guess(replace(body, columns=columns, actions=actions), notes, left_out)
 
 
 def _of_csv(path: Path) -> _Recording:
@@ -153,14 +171,13 @@ def _of_csv(path: Path) -> _Recording:
             numbers[name], units[name] = values, unit or "1"
         else:
             left_out[name] = f"{gaps} of its {len(values)} cells are no numbers"
-    labels = [text.cells[text.names.index(n)] for n in EXTRA[1:] if n in text.names]
-    changed = [[a != b for a, b in zip(c[1:], c[:-1], strict=True)] for c in labels]
-    starts = (
-        np.flatnonzero(np.any(changed, axis=0)) + 1 if changed else np.zeros(0, int)
-    )
+    starts = np.zeros(0, int)
+    if labels := [text.column(name) for name in EXTRA[1:] if name in text.names]:
+        rows = np.stack(labels, 1)
+        starts = np.flatnonzero((rows[1:] != rows[:-1]).any(1)) + 1
     if "time" in text.names:
         unit = text.units[text.names.index("time")]
-        time = text.elapsed("time") * units_like("s").get(unit, 1.0)
+        time = text.elapsed() * units_like("s").get(unit, 1.0)
     else:
         rate = rate_of(text) if "rate" in text.header else RATE
         time = np.arange(len(text.cells[0])) / rate
@@ -171,15 +188,14 @@ def _of_csv(path: Path) -> _Recording:
 def _of_bag(path: Path, topics: Sequence[str]) -> _Recording:
     """The columns of a ROS bag."""
     from ownrobot.recordings.bags import bag_columns  # its library is optional
-    from ownrobot.recordings.messages import unit_of
     from ownrobot.recordings.topics import read_topics
 
     parts, _, _ = read_topics(path, topics)
     read = max(parts, key=lambda part: len(next(iter(part.pose.values())).times))
-    changing = (n for n, one in read.command.items() if np.ptp(one.values) > 0)
-    commands = [*changing] or [*read.command]
+    changing = [n for n, one in read.command.items() if np.ptp(one.values) > 0]
+    commands = changing or [*read.command]
     wanted = [*read.pose, *(n for n in read.sensors if n not in read.pose), *commands]
-    numbers = bag_columns(path, read, wanted, "")
+    numbers = bag_columns(read, wanted, "")
     time = numbers.pop("time")
     units = {name: unit_of(name) for name in wanted}
     return _Recording(numbers, units, commands, [time], {})
@@ -193,7 +209,12 @@ def _pose(recording: _Recording) -> tuple[Pose, str]:
         reason = "it has x, y, z and a quaternion"
         if not planar <= names:
             return "spatial", reason
-        if _uneven(recording.numbers):
+        quaternions = recording.stacked(QUATERNION)
+        tilt = 2 * np.arcsin(np.clip(np.hypot(*quaternions.T[:2]), 0, 1))
+        known = np.isfinite(yaw_of(quaternions)).all()
+        if np.ptp(recording.numbers["z"]) > UNEVEN_Z or (
+            known and np.ptp(tilt) >= UNEVEN_TILT
+        ):
             return "spatial", f"{reason}, and leaves the plane"
         return "planar", "it stays level; write spatial if the ground is not"
     if planar <= names:
@@ -201,34 +222,24 @@ def _pose(recording: _Recording) -> tuple[Pose, str]:
     return "none", "it has neither x, y, yaw nor x, y, z, qx, qy, qz, qw"
 
 
-def _uneven(numbers: dict[str, np.ndarray]) -> bool:
-    """Whether z or the attitudes say that a robot leaves the plane."""
-    quaternions = np.stack([numbers[name] for name in ("qx", "qy", "qz", "qw")], 1)
-    x, y = quaternions[:, 0], quaternions[:, 1]
-    tilt = 2 * np.arcsin(np.clip(np.hypot(x, y), 0, 1))
-    level = not np.isfinite(yaw_of(quaternions)).all() or np.ptp(tilt) < UNEVEN_TILT
-    return bool(np.ptp(numbers["z"]) > UNEVEN_Z or not level)
-
-
 def _columns(
-    recording: _Recording, pose: Pose, bag: bool, left_out: dict[str, str]
-) -> Columns:
-    """The columns of a state beside the pose; `left_out` takes the others."""
-    names = [
-        name
-        for name in recording.numbers
-        if name not in recording.commands and name not in dict(POSES[pose])
-    ]
-    in_pose = {name for columns in POSES.values() for name, _ in columns}
-    if pose == "planar":
-        beside = BESIDE_PLANE - (set() if "yaw_rate" in names else {"wz"})
+    recording: _Recording, pose: Pose, bag: bool
+) -> tuple[Columns, dict[str, str]]:
+    """The columns of a state beside the pose, and why others are left out."""
+    left_out, kept = dict(recording.left_out), []
+    beside = {name for columns in POSES.values() for name, _ in columns}
+    if pose == "none":
+        beside = set()
+    elif pose == "spatial":
+        beside |= BESIDE_POSE
     else:
-        beside = BESIDE_POSE if pose == "spatial" else set()
-    kept = []
-    for name in names:
+        beside |= BESIDE_PLANE - (set() if "yaw_rate" in recording.numbers else {"wz"})
+    for name in recording.numbers:
+        if name in recording.commands or name in dict(POSES[pose]):
+            continue
         if COUNTER.fullmatch(name):
             left_out[name] = "it seems to count rows or time"
-        elif pose != "none" and (name in beside or name in in_pose):
+        elif name in beside:
             left_out[name] = "it says little beside the pose"
         elif bag and name.endswith(("_position", "_effort")) or name in ("ax", "ay"):
             left_out[name] = f"{recording.units[name]}; add it if it helps"
@@ -237,7 +248,7 @@ def _columns(
     twist = [name for name, _ in TWIST]
     if pose == "spatial" and set(twist) <= set(kept):
         kept = twist + [name for name in kept if name not in twist]
-    return tuple((name, recording.units[name]) for name in kept)
+    return tuple((name, recording.units[name]) for name in kept), left_out
 
 
 def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
@@ -245,14 +256,9 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
     rows = 1 / float(np.median(np.concatenate([np.diff(t) for t in recording.time])))
     rate, reason = rows, f"the rows come at {rows:.3g} Hz"
     if pose != "none":
-        columns = [recording.numbers[name] for name, _ in POSES[pose]]
-        values, lengths = np.stack(columns, 1), [len(t) for t in recording.time]
-        parts = np.split(values, np.cumsum(lengths)[:-1])
-        drives = [
-            Rows(part, part[:, :0], time, 1 / rows)
-            for part, time in zip(parts, recording.time, strict=True)
-        ]
-        new = pose_rate(drives, values.shape[1])
+        ends = np.cumsum([len(time) for time in recording.time])[:-1]
+        poses = np.split(recording.stacked(dict(POSES[pose])), ends)
+        new = pose_rate(zip(recording.time, poses, strict=True))
         if new is not None and new < 0.9 * rows:
             rate, reason = new, f"{reason}, and its pose is new at {new:.3g} Hz"
     if checks.SLOWEST > rate:
@@ -260,27 +266,6 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
     if rate > RATE / 1.25:
         return RATE, f"rate: steps a second; {reason}"
     return checks.plain_rate(rate), f"rate: {reason}"
-
-
-def _tried(
-    file: Path, body: Body, topics: Sequence[str]
-) -> tuple[Body, list[str], list[str]]:
-    """The body without columns that never change in a file, these columns, and faults.
-
-    Only the first fault is told.
-    """
-    findings = Findings(skip=True, doubtful=True)
-    try:
-        drives = drives_of_paths([file], body, topics, findings)
-    except RecordingError as error:
-        return body, [], [f"reading says: {error}"]
-    constant = checks.constant_columns(drives, body) if drives else []
-    actions = tuple(pair for pair in body.actions if pair[0] not in constant)
-    if not actions:
-        raise RecordingError(f"{file}: no command changes; record drives that steer")
-    columns = tuple(pair for pair in body.columns if pair[0] not in constant)
-    faults = [f"reading says: {fault}" for fault in findings.faults[:1]]
-    return replace(body, columns=columns, actions=actions), constant, faults
 
 
 def _quoted(text: str) -> str:

@@ -24,16 +24,13 @@ digits and _ becomes _.
 
 from __future__ import annotations
 
+import operator
 import re
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from sidm.drives import yaw_of
-
-#: Reads the columns of a row from one message.
-Reader = Callable[[Any], dict[str, float]]
 
 #: Definitions of `ackermann_msgs`, which is not among the standard messages of ROS.
 #: Bags of ROS 2 may be without them.
@@ -45,104 +42,100 @@ ACKERMANN = {
     "ackermann_msgs/AckermannDrive drive\n",
 }
 
-#: Unit of each column whose name is not that of a joint.
-UNIT_OF_COLUMN = (
-    dict.fromkeys(("x", "y", "z"), "m")
-    | dict.fromkeys(("qx", "qy", "qz", "qw"), "1")
-    | dict.fromkeys(("yaw", "steering_angle"), "rad")
-    | dict.fromkeys(("vx", "vy", "vz", "linear", "speed"), "m/s")
-    | dict.fromkeys(("linear_y", "linear_z"), "m/s")
-    | dict.fromkeys(("wx", "wy", "wz", "yaw_rate", "angular"), "rad/s")
-    | dict.fromkeys(("angular_x", "angular_y", "steering_angle_velocity"), "rad/s")
-    | dict.fromkeys(("ax", "ay", "az", "acceleration"), "m/s2")
-)
+# Types of messages, for each kind of topic -> paths of their parts with numbers.
+POSES = {
+    "nav_msgs/msg/Odometry": (
+        *("pose/pose/position", "pose/pose/orientation"),
+        *("twist/twist/linear", "twist/twist/angular"),
+    ),
+    "geometry_msgs/msg/PoseStamped": ("pose/position", "pose/orientation"),
+}
+IMU = {"sensor_msgs/msg/Imu": ("angular_velocity", "linear_acceleration")}
+JOINTS: dict[str, tuple[str, ...]] = {"sensor_msgs/msg/JointState": ()}
+COMMANDS = {
+    "geometry_msgs/msg/Twist": ("linear", "angular"),
+    "geometry_msgs/msg/TwistStamped": ("twist/linear", "twist/angular"),
+    "ackermann_msgs/msg/AckermannDrive": ("",),
+    "ackermann_msgs/msg/AckermannDriveStamped": ("drive",),
+}
+#: An array may hold anything; it is the command where no other topic is one.
+ARRAYS: dict[str, tuple[str, ...]] = {
+    "std_msgs/msg/Float64MultiArray": (),
+    "std_msgs/msg/Float32MultiArray": (),
+}
+PARTS_OF_TYPE = POSES | IMU | COMMANDS
+QUATERNION = ("qx", "qy", "qz", "qw")
+
+#: The end of a part's path -> its numbers -> their columns; the first that fits counts.
+PARTS = {
+    "position": {name: name for name in "xyz"},
+    "orientation": {"x": "qx", "y": "qy", "z": "qz", "w": "qw", "yaw": "yaw"},
+    "angular_velocity": {"x": "wx", "y": "wy", "z": "yaw_rate"},
+    "linear_acceleration": {"x": "ax", "y": "ay", "z": "az"},
+    "twist/twist/linear": {"x": "vx", "y": "vy", "z": "vz"},
+    "twist/twist/angular": {"x": "wx", "y": "wy", "z": "yaw_rate"},
+    "linear": {"x": "linear", "y": "linear_y", "z": "linear_z"},
+    "angular": {"x": "angular_x", "y": "angular_y", "z": "angular"},
+}
+DRIVE = ("speed", "steering_angle", "acceleration", "steering_angle_velocity")
+
+#: Unit -> the columns that have it; those of joints are in rad/s.
+UNITS = {
+    "m": "x y z",
+    "1": "qx qy qz qw",
+    "rad": "yaw steering_angle",
+    "m/s": "vx vy vz linear linear_y linear_z speed",
+    "m/s2": "ax ay az acceleration",
+}
+
+
+def columns_of_part(path: str) -> dict[str, str]:
+    """Numbers of a part of a message -> their columns; a path is as 'pose/position'."""
+    ends = (end for end in PARTS if f"/{path}".endswith(f"/{end}"))
+    return PARTS.get(next(ends, ""), {})
 
 
 def unit_of(column: str) -> str:
     """The unit of a column of a bag; joints are taken for those that turn."""
-    if column in UNIT_OF_COLUMN:
-        return UNIT_OF_COLUMN[column]
+    for unit, columns in UNITS.items():
+        if column in columns.split():
+            return unit
     if re.fullmatch(r"command_\d+", column):
         return "1"
     ends = {"_position": "rad", "_effort": "N m"}
     return next((u for end, u in ends.items() if column.endswith(end)), "rad/s")
 
 
-def _pose(message: Any) -> dict[str, float]:
-    p, q = message.position, message.orientation
-    position = {"x": p.x, "y": p.y, "z": p.z}
-    quaternion = {"qx": q.x, "qy": q.y, "qz": q.z, "qw": q.w}
-    yaw = yaw_of(np.array([*quaternion.values()]))
-    return position | quaternion | {"yaw": float(yaw)}
+def plain_name(name: str) -> str:
+    """The name of a joint or a topic as that of a column."""
+    return re.sub(r"\W", "_", name)
 
 
-def _rates(message: Any) -> dict[str, float]:
-    return {"wx": message.x, "wy": message.y, "wz": message.z, "yaw_rate": message.z}
-
-
-def _odometry(message: Any) -> dict[str, float]:
-    twist = message.twist.twist
-    linear = {"vx": twist.linear.x, "vy": twist.linear.y, "vz": twist.linear.z}
-    return _pose(message.pose.pose) | linear | _rates(twist.angular)
-
-
-def _imu(message: Any) -> dict[str, float]:
-    a = message.linear_acceleration
-    return _rates(message.angular_velocity) | {"ax": a.x, "ay": a.y, "az": a.z}
-
-
-def _joints(message: Any) -> dict[str, float]:
-    names = [re.sub(r"\W", "_", name) for name in message.name]
+def columns_of(message: Any, kind: str) -> dict[str, float]:
+    """The numbers of a message of this type, by the names of their columns."""
+    if kind in ARRAYS:
+        return {f"command_{n}": float(value) for n, value in enumerate(message.data)}
     columns: dict[str, float] = {}
-    for end, values in (
-        ("", message.velocity),
-        ("_position", message.position),
-        ("_effort", message.effort),
-    ):
-        pairs = zip(names, map(float, values), strict=False)
-        columns |= {name + end: value for name, value in pairs}
+    if kind in JOINTS:
+        names = [plain_name(name) for name in message.name]
+        for end, values in (
+            ("", message.velocity),
+            ("_position", message.position),
+            ("_effort", message.effort),
+        ):
+            pairs = zip(names, map(float, values), strict=False)
+            columns |= {name + end: value for name, value in pairs}
+        return columns
+    for path in PARTS_OF_TYPE[kind]:
+        part = operator.attrgetter(path.replace("/", "."))(message) if path else message
+        if kind in ACKERMANN:
+            return {name: float(getattr(part, name)) for name in DRIVE}
+        for axis, name in columns_of_part(path).items():
+            if name == "yaw":
+                quaternion = np.array([columns[name] for name in QUATERNION])
+                columns["yaw"] = float(yaw_of(quaternion))
+                continue
+            if name == "yaw_rate":
+                columns["wz"] = part.z
+            columns[name] = getattr(part, axis)
     return columns
-
-
-def _twist(message: Any) -> dict[str, float]:
-    twist = getattr(message, "twist", message)
-    linear, angular = twist.linear, twist.angular
-    return {
-        "linear": linear.x,
-        "linear_y": linear.y,
-        "linear_z": linear.z,
-        "angular_x": angular.x,
-        "angular_y": angular.y,
-        "angular": angular.z,
-    }
-
-
-def _ackermann(message: Any) -> dict[str, float]:
-    drive = getattr(message, "drive", message)
-    names = ("speed", "steering_angle", "acceleration", "steering_angle_velocity")
-    return {name: float(getattr(drive, name)) for name in names}
-
-
-def _array(message: Any) -> dict[str, float]:
-    return {f"command_{n}": float(value) for n, value in enumerate(message.data)}
-
-
-# Type of message -> what reads it, for each kind of topic.
-POSES: dict[str, Reader] = {
-    "nav_msgs/msg/Odometry": _odometry,
-    "geometry_msgs/msg/PoseStamped": lambda m: _pose(m.pose),
-}
-SENSORS: dict[str, Reader] = {
-    "sensor_msgs/msg/Imu": _imu,
-    "sensor_msgs/msg/JointState": _joints,
-}
-COMMANDS: dict[str, Reader] = {
-    "geometry_msgs/msg/Twist": _twist,
-    "geometry_msgs/msg/TwistStamped": _twist,
-    **dict.fromkeys(ACKERMANN, _ackermann),
-}
-#: An array may hold anything; it is the command where no other topic is one.
-ARRAYS: dict[str, Reader] = {
-    "std_msgs/msg/Float64MultiArray": _array,
-    "std_msgs/msg/Float32MultiArray": _array,
-}

@@ -40,8 +40,10 @@ HEADER: dict[str, tuple[type, ...]] = {
     "height_unit": (str,),  # m, cm or mm
     "centres": (list,),  # m, x and y of each ground's middle; all 0 unless given
 }
+# What a file must have; the latter where it has grounds.
+MEMBERS, MEMBERS_OF_GROUNDS = ("rows", "lengths", "header"), ("ground", "heights")
 REQUIRED = ("columns", "units", "rate", "origin")
-REQUIRED_WITH_GROUNDS = (*REQUIRED, "spacing", "height_unit")
+REQUIRED_OF_GROUNDS = ("spacing", "height_unit")
 
 
 def read_npz(path: Path, body: Body) -> list[Table]:
@@ -56,41 +58,36 @@ def read_npz(path: Path, body: Body) -> list[Table]:
         # NumPy's own message about bytes that are no archive is about pickles
         fault = "it is no archive" if "pickle" in str(error) else first_line(error)
         raise RecordingError(
-            f"{path}: cannot be read as .npz ({fault}); copy it again, or write it "
+            f"cannot be read as .npz ({fault}); copy it again, or write it "
             "with numpy.savez"
         ) from None
-    required = ["rows", "lengths", "header"]
-    if body.map_size:
-        required += ["ground", "heights"]
+    required = [*MEMBERS, *(MEMBERS_OF_GROUNDS if body.map_size else ())]
     for name in required:
         if name not in members:
             raise RecordingError(
-                f"{path}: member '{name}' is missing; "
+                f"member '{name}' is missing; "
                 f"a file of drives has {', '.join(required)}"
             )
-    header = _header(path, members["header"], bool(body.map_size))
-    rows, lengths = members["rows"], _whole_numbers(path, "lengths", members["lengths"])
+    header = _header(members["header"], bool(body.map_size))
+    rows, lengths = members["rows"], _whole_numbers("lengths", members["lengths"])
     names, units, count = header["columns"], header["units"], len(lengths)
     if rows.shape != (lengths.sum(), len(names)) or len(units) != len(names):
         raise RecordingError(
-            f"{path}: rows {rows.shape}, {len(names)} columns, {len(units)} units and "
+            f"rows {rows.shape}, {len(names)} columns, {len(units)} units and "
             f"{count} lengths with sum {lengths.sum()} do not belong together"
         )
     if rows.dtype.kind not in "fiu":
-        raise RecordingError(f"{path}: rows of {rows.dtype}, not of numbers")
-    factors = unit_factors(str(path), names, units, body, "time" in names)
-    grounds: list[Ground] | list[None] = [None] * count
-    if body.map_size:
-        grounds = _grounds(path, members, header, count)
+        raise RecordingError(f"rows of {rows.dtype}, not of numbers")
+    factors = unit_factors(names, units, body, "time" in names)
+    grounds = _grounds(members, header, count) if body.map_size else None
     sessions = members.get("sessions", np.full(count, ""))
     if sessions.shape != lengths.shape or sessions.dtype.kind != "U":
         raise RecordingError(
-            f"{path}: sessions {sessions.shape} of {sessions.dtype}, "
-            "not a text for each drive"
+            f"sessions {sessions.shape} of {sessions.dtype}, not a text for each drive"
         )
     rate = None if "time" in factors else float(header["rate"])
     if rate is not None and not 0 < rate < float("inf"):
-        raise RecordingError(f"{path}: a rate of {rate:g} Hz; it must be positive")
+        raise RecordingError(f"a rate of {rate:g} Hz; it must be positive")
     tables = []
     for number, part in enumerate(np.split(rows, np.cumsum(lengths)[:-1])):
         columns = {
@@ -98,80 +95,75 @@ def read_npz(path: Path, body: Body) -> list[Table]:
             for name, factor in factors.items()
         }
         labels = {"session": np.full(len(part), sessions[number])}
-        name = f"{path} drive {number}"
-        tables.append(Table(name, columns, labels, rate, grounds[number]))
+        ground = grounds[number] if grounds else None
+        tables.append(Table(f"{path} drive {number}", columns, labels, rate, ground))
     return tables
 
 
-def _header(path: Path, member: np.ndarray, grounds: bool) -> dict[str, Any]:
+def _header(member: np.ndarray, grounds: bool) -> dict[str, Any]:
     """The header of a file, checked; `grounds`: whether the file has grounds."""
     try:
         header = json.loads(str(member))
     except ValueError as error:
-        raise RecordingError(f"{path}: the header is not JSON ({error})") from None
+        raise RecordingError(f"the header is not JSON ({error})") from None
     if not isinstance(header, dict):
-        raise RecordingError(f"{path}: the header is not a JSON object")
+        raise RecordingError("the header is not a JSON object")
     for name, value in header.items():
         if name not in HEADER:
-            raise RecordingError(f"{path}: {unknown_name(name, HEADER, 'the header')}")
+            raise RecordingError(unknown_name(name, HEADER, "the header"))
         too_large = isinstance(value, int) and abs(value) > sys.float_info.max
         if not isinstance(value, HEADER[name]) or isinstance(value, bool) or too_large:
-            raise RecordingError(f"{path}: '{name}' of the header is {value!r}")
-    for name in REQUIRED_WITH_GROUNDS if grounds else REQUIRED:
+            raise RecordingError(f"'{name}' of the header is {value!r}")
+    for name in (*REQUIRED, *(REQUIRED_OF_GROUNDS if grounds else ())):
         if name not in header:
-            raise RecordingError(f"{path}: the header has no '{name}'")
+            raise RecordingError(f"the header has no '{name}'")
     texts = (*header["columns"], *header["units"])
     if not all(isinstance(text, str) for text in texts):
-        raise RecordingError(
-            f"{path}: columns and units of the header are not all text"
-        )
+        raise RecordingError("columns and units of the header are not all text")
     if grounds and header["height_unit"] not in UNITS["length"]:
         known = " or ".join(UNITS["length"])
         raise RecordingError(
-            f"{path}: height_unit '{header['height_unit']}'; heights are in {known}"
+            f"height_unit '{header['height_unit']}'; heights are in {known}"
         )
     return header
 
 
 def _grounds(
-    path: Path,
     members: Mapping[str, np.ndarray],
     header: Mapping[str, Any],
     drives: int,
 ) -> list[Ground]:
     """The ground of each of a file's drives; `drives` is how many there are."""
-    numbers = _whole_numbers(path, "ground", members["ground"])
+    numbers = _whole_numbers("ground", members["ground"])
     heights = members["heights"]
     if heights.ndim != 3 or heights.dtype.kind not in "fiu":
         raise RecordingError(
-            f"{path}: heights {heights.shape} of {heights.dtype}, not of numbers"
+            f"heights {heights.shape} of {heights.dtype}, not of numbers"
         )
     count, largest = len(heights), numbers.max()
     try:
         centres = np.asarray(header.get("centres", np.zeros((count, 2))), float)
     except (ValueError, TypeError, OverflowError):
         raise RecordingError(
-            f"{path}: centres of the header are not an x and a y for each ground"
+            "centres of the header are not an x and a y for each ground"
         ) from None
     if centres.shape != (count, 2) or len(numbers) != drives or largest >= count:
         raise RecordingError(
-            f"{path}: {count} heights, but 'ground' of {len(numbers)} drives "
+            f"{count} heights, but 'ground' of {len(numbers)} drives "
             f"goes up to {largest} and centres are {centres.shape}"
         )
-    scale = UNITS["length"][header["height_unit"]]
-    middles = [(float(x), float(y)) for x, y in centres]
+    scale, spacing = UNITS["length"][header["height_unit"]], header["spacing"]
     return [
-        Ground(heights[number] * scale, header["spacing"], middles[number])
-        for number in numbers
+        Ground(heights[n] * scale, spacing, (*centres[n].tolist(),)) for n in numbers
     ]
 
 
-def _whole_numbers(path: Path, name: str, member: np.ndarray) -> np.ndarray:
+def _whole_numbers(name: str, member: np.ndarray) -> np.ndarray:
     """A member of whole numbers, 0 or more, as int; RecordingError for others."""
     whole = member.ndim == 1 and member.dtype.kind in "iu"
     if not whole or not len(member) or member.min() < 0:
         raise RecordingError(
-            f"{path}: '{name}' of shape {member.shape} and {member.dtype}, "
+            f"'{name}' of shape {member.shape} and {member.dtype}, "
             "not a row of whole numbers"
         )
     return member.astype(int)
@@ -206,11 +198,10 @@ def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
             raise ValueError("drives to pack have grounds of one shape and spacing")
         if max(np.abs(h).max() for h in heights) <= np.iinfo(np.int16).max:
             heights = [h.astype(np.int16) for h in heights]
-        keys = [h.tobytes() for h in heights]
-        different = dict(zip(keys, heights, strict=True))
-        order = list(different)
-        members["ground"] = np.array([order.index(key) for key in keys])
-        members["heights"] = np.stack(list(different.values()))
+        different = {h.tobytes(): h for h in heights}
+        order = [*different]
+        members["ground"] = np.array([order.index(h.tobytes()) for h in heights])
+        members["heights"] = np.stack([*different.values()])
         header |= {"spacing": grounds[0].spacing, "height_unit": "mm"}
     members["header"] = np.array(json.dumps(header))
     write_atomically(

@@ -6,7 +6,7 @@ recording, and what is done with it, is told by a `RecordingWarning`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -17,7 +17,7 @@ from ownrobot.recordings import checks, frames
 from ownrobot.recordings.csv_file import heights_file, read_csv, write_csv
 from ownrobot.recordings.headings import drives_along_yaw
 from ownrobot.recordings.npz_file import read_npz, write_npz
-from ownrobot.recordings.resampling import drives_of_pieces, pose_rate, recorded_drives
+from ownrobot.recordings.resampling import drives_of_rows, pose_rate, rows_of_drives
 from ownrobot.recordings.table import Findings, RecordingError, Table
 from sidm.body import SI, Body
 from sidm.config import hint, no_such_file, replace
@@ -46,10 +46,8 @@ def read_drives(
             with columns as in a CSV file, in SI units: a row for each time, with the
             columns `time`, s, and those of the body; `drive` or `session` too where
             there are several drives.
-        body: the robot's body, the YAML file that describes it, or the mapping in such
-            a file.
-        topics: names of the topics to read from bags that have several of a kind; all
-            unless given.
+        body: the robot's body, its YAML file, or the mapping in such a file.
+        topics: names of the topics to read from bags; all unless given.
         held: whether to accept a column that never changes. A model can be tried with
             such drives, but cannot learn from them.
         skip_bad: whether faulty drives and files are left out. Each is told by a
@@ -59,10 +57,8 @@ def read_drives(
         The drives, at the body's rate and in SI units.
 
     Raises:
-        RecordingError: there are no drives, a column is missing, or the first fault;
-            one line that names file, place and fault. With `skip_bad`, a fault of all
-            drives together.
-        ConfigError: the body has a fault.
+        RecordingError: there are no drives, or the first fault, in one line; with
+            `skip_bad`, a fault of all drives together.
 
     Examples:
         >>> body = "recordings/skid_steer.yaml"
@@ -73,7 +69,8 @@ def read_drives(
     body, findings = as_body(body), Findings(skip_bad, not skip_bad)
     if is_table(path):
         where = "the table"
-        drives = _drives_of_table(where, path, body, findings)
+        table = _table_of(where, path, body, findings)
+        drives = _drives_of_file(where, [table], body, findings)
     else:
         paths = as_paths(path)
         where = ", ".join(map(str, paths))
@@ -81,9 +78,8 @@ def read_drives(
     findings.warn()
     if not drives:
         raise RecordingError(findings.faults[0])
-    if not held:
-        checks.refuse_constant(where, drives, body)
-    frames.refuse_together(where, drives, body)
+    for fault in frames.faults_together(where, drives, body, held):
+        raise RecordingError(fault)
     return drives
 
 
@@ -91,39 +87,42 @@ def drives_of_paths(
     paths: Sequence[Path], body: Body, topics: Sequence[str], findings: Findings
 ) -> list[Drive]:
     """Drives of files, bags and folders; `findings` takes faults and notes."""
-    findings.notes += notes_of_units(body)
-    files, sessions = [], []
+    _note_units(body, findings)
+    files: list[tuple[str, Path]] = []  # with their sessions
     for given in paths:
         session, path = session_and_path(given)
-        try:
+        with findings.kept(path):
             found = files_of(path)
-        except RecordingError as error:
-            findings.add(error)
-            continue
-        files += found
-        sessions += [session] * len(found)
-        if left := _not_read(path, found):
-            findings.notes.append(
-                f"{path}: {len(left)} files are not read, as {left[0]}; drives are "
-                f"files {', '.join(SUFFIXES)} in the folder itself, or named one by one"
-            )
-    if files and topics and not any(map(is_bag, files)):
+            files += [(session, file) for file in found]
+            if left := _not_read(path, found):
+                findings.notes.append(
+                    f"{path}: {len(left)} files are not read, as {left[0]}; drives are "
+                    f"files {', '.join(SUFFIXES)} in the folder itself, or named one "
+                    "by one"
+                )
+    if files and topics and not any(is_bag(file) for _, file in files):
         where = ", ".join(map(str, paths))
         raise RecordingError(
-            f"{where}: topics are of ROS bags, and this is none; leave --topics out"
+            "topics are of ROS bags, and this is none; leave --topics out", where
         )
     drives = []
-    for file, session in zip(files, sessions, strict=True):
-        try:
-            tables = list(_tables(file, body, topics, findings.skip))
-        except RecordingError as error:
-            findings.add(error)
-            continue
-        findings.notes += [note for table in tables for note in table.notes]
-        of_file = [d for table in tables for d in _drives(table, body, findings)]
-        read = drives_along_yaw(str(file), of_file, body, findings)
-        drives += [replace(d, session=session) for d in read] if session else read
+    for session, file in files:
+        with findings.kept(file):
+            tables = _tables(file, body, topics, findings.skip)
+            read = _drives_of_file(str(file), tables, body, findings)
+            drives += [replace(d, session=session) for d in read] if session else read
     return drives
+
+
+def _drives_of_file(
+    name: str, tables: Sequence[Table], body: Body, findings: Findings
+) -> list[Drive]:
+    """Drives of all tables of a file; `findings` takes faults and notes."""
+    findings.notes += [f"{name}: {note}" for table in tables for note in table.notes]
+    drives = [drive for table in tables for drive in _drives(table, body, findings)]
+    with findings.kept(name):
+        return drives_along_yaw(name, drives, body, findings)
+    return []
 
 
 def is_table(source: Any) -> TypeGuard[pd.DataFrame]:
@@ -131,11 +130,9 @@ def is_table(source: Any) -> TypeGuard[pd.DataFrame]:
     return hasattr(source, "columns") and hasattr(source, "to_numpy")
 
 
-def _drives_of_table(
-    name: str, frame: pd.DataFrame, body: Body, findings: Findings
-) -> list[Drive]:
-    """Drives of a table in memory; `findings` takes faults and notes."""
-    findings.notes += notes_of_units(body)
+def _table_of(name: str, frame: pd.DataFrame, body: Body, findings: Findings) -> Table:
+    """The columns of a body from a table in memory."""
+    _note_units(body, findings)
     required = ["time", *(name for name, _ in (*body.state, *body.actions))]
     if missing := [name for name in required if name not in frame]:
         raise RecordingError(
@@ -143,18 +140,14 @@ def _drives_of_table(
             f"body '{body.name}' wants {', '.join(required)}"
         )
     columns = {name: frame[name].to_numpy(float) for name in required}
-    labels = {
-        name: frame[name].to_numpy(str)
-        for name in ("drive", "session")
-        if name in frame
-    }
-    drives = _drives(Table(name, columns, labels, None), body, findings)
-    return drives_along_yaw(name, drives, body, findings)
+    given = [name for name in ("drive", "session") if name in frame]
+    labels = {name: frame[name].to_numpy(str) for name in given}
+    return Table(name, columns, labels, None)
 
 
-def notes_of_units(body: Body) -> list[str]:
-    """A line for each column of a body whose unit is unknown."""
-    return [
+def _note_units(body: Body, findings: Findings) -> None:
+    """Add a note about each column of a body whose unit is unknown."""
+    findings.notes += [
         f"body '{body.name}': '{name}' is in '{unit}', an unknown unit, in which its "
         f"numbers stay; {hint(unit, SI)}"
         for name, unit in body.unknown_units.items()
@@ -182,62 +175,54 @@ def has_bags(path: str | Path | Sequence[str | Path]) -> bool:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The path itself if it is a file or a bag, or the files of drives in a folder."""
+    """The file or bag itself, or the files of drives in a folder, without heights."""
     if not path.exists():
-        raise RecordingError(no_such_file(path))
-    if path.is_dir() and not is_bag(path):
-        return _files_in(path)
-    if path.suffix in INNER and not is_bag(path):
-        raise RecordingError(
-            f"{path}: it is a file inside a ROS 2 bag; give the bag's folder, "
-            f"{path.parent}"
-        )
-    return [path]
-
-
-def _files_in(folder: Path) -> list[Path]:
-    """The files of drives in a folder, without the files of heights that they name."""
-    files = sorted(
-        file
-        for file in folder.iterdir()
-        if file.name.lower().endswith(SUFFIXES) or is_bag(file)
-    )
+        raise RecordingError(no_such_file(path).removeprefix(f"{path}: "))
+    if not path.is_dir() or is_bag(path):
+        if path.suffix in INNER and not is_bag(path):
+            raise RecordingError(
+                f"it is a file inside a ROS 2 bag; give the bag's folder, {path.parent}"
+            )
+        return [path]
+    inside = sorted(path.iterdir())
+    files = [f for f in inside if f.name.lower().endswith(SUFFIXES) or is_bag(f)]
     if not files:
-        inner = next((f.name for f in folder.iterdir() if f.suffix in INNER), "")
+        inner = next((file.name for file in inside if file.suffix in INNER), "")
         raise RecordingError(
-            f"{folder}: no file of drives ({', '.join(SUFFIXES)}) "
-            "and no ROS bag in this folder; "
+            f"no file of drives ({', '.join(SUFFIXES)}) and no ROS bag in this folder; "
             + (
                 f"{inner} has no metadata.yaml, which 'ros2 bag reindex' makes"
                 if inner
                 else "give the folder that has them"
             )
         )
-    named = [heights_file(file) for file in files if ".csv" in file.name.lower()]
-    heights = {file.resolve() for file in named if file}
+    heights = {file.resolve() for file in _heights_of(files)}
     return [file for file in files if file.resolve() not in heights]
+
+
+def _heights_of(files: Sequence[Path]) -> set[Path]:
+    """The files of heights that CSV files name."""
+    named = [heights_file(file) for file in files if ".csv" in file.name.lower()]
+    return {file for file in named if file}
 
 
 def _not_read(folder: Path, files: Sequence[Path]) -> list[Path]:
     """Files below a folder that look like drives and are not among those read."""
     if not folder.is_dir() or is_bag(folder):
         return []
-    heights = {heights_file(file) for file in files if ".csv" in file.name.lower()}
-    bags = [file for file in files if file.is_dir()]
+    read = {*files, *_heights_of(files)}
     return sorted(
         file
         for file in folder.rglob("*")
         if file.suffix.lower() in ALIKE
         and file.is_file()
-        and file not in files
-        and file not in heights
-        and not any(bag in file.parents for bag in bags)
+        and not read & {file, *file.parents}  # a file of a bag is read with it
     )
 
 
 def _tables(
-    path: Path, body: Body, topics: Sequence[str], lenient: bool = False
-) -> Iterable[Table]:
+    path: Path, body: Body, topics: Sequence[str], lenient: bool
+) -> Sequence[Table]:
     """The tables of a file or a bag."""
     if is_bag(path):
         from ownrobot.recordings.bags import read_bag  # its library is optional
@@ -247,7 +232,7 @@ def _tables(
         return read_npz(path, body)
     if path.name.lower().endswith(SUFFIXES):
         return [read_csv(path, body, lenient)]
-    raise RecordingError(f"{path}: drives are {', '.join(SUFFIXES)} or ROS bags")
+    raise RecordingError(f"drives are {', '.join(SUFFIXES)} or ROS bags")
 
 
 def is_bag(path: Path) -> bool:
@@ -260,50 +245,34 @@ def is_bag(path: Path) -> bool:
 
 def _drives(table: Table, body: Body, findings: Findings) -> list[Drive]:
     """Drives from a table, at the body's rate; `findings` takes faults and notes."""
-    try:
-        ground = table.ground and checks.whole_ground(table.name, table.ground)
-        recorded = list(recorded_drives(table, body, findings))
-        rows = [one.rows for one in recorded]
+    drives: list[Drive] = []
+    with findings.kept(table.name):
+        ground = table.ground and checks.whole_ground(table.ground)
+        rows = rows_of_drives(table, body, findings)
         if rows:
-            spacing = float(np.median([one.spacing for one in rows]))
-            rate = pose_rate(rows, body.pose_size)
-            checks.refuse_slower(table.name, 1 / spacing, rate, body)
+            row_rate = 1 / float(np.median([one.spacing for one in rows]))
+            poses = [(one.time, one.states[:, : body.pose_size]) for one in rows]
+            checks.refuse_slower(row_rate, pose_rate(poses), body)
             findings.rates += [1 / one.spacing for one in rows]
-    except RecordingError as error:
-        findings.add(error)
-        return []
-    drives = []
-    for one in recorded:
-        try:
-            drives += drives_of_pieces(one, body, ground, findings)
-        except RecordingError as error:
-            findings.add(error)
-    faults = checks.jumps(drives, body)
-    for fault in faults.values():
-        findings.add(fault)
-    drives = [drive for number, drive in enumerate(drives) if number not in faults]
-    if checks.has_twist(body):
-        try:
+        for one in rows:
+            with findings.kept(one.where):
+                drives += drives_of_rows(one, body, ground, findings)
+        faults = checks.jumps(drives, body)
+        for fault in faults.values():
+            findings.add(fault)
+        if checks.has_twist(body):
             turned = [(one.states, 1 / one.spacing) for one in rows]
-            frames.refuse_other_turning(table.name, turned)
-        except RecordingError as error:
-            findings.add(error)
-            return []
-    return drives
+            frames.refuse_other_turning(turned)
+        return [drive for number, drive in enumerate(drives) if number not in faults]
+    return []
 
 
 def write_drives(path: str | Path, drives: Sequence[Drive], origin: str) -> None:
-    """Write drives to a file that `read_drives` reads.
+    """Write drives of one robot to a file that `read_drives` reads.
 
-    Args:
-        path: of the file, .csv, .csv.gz or .npz; only .npz holds grounds as well.
-        drives: of one robot.
-        origin: where the drives come from, for people.
-
-    Raises:
-        ValueError: the kind of file is unknown or does not hold grounds, or there are
-            no drives.
-        OSError: the file cannot be written; the message is one line.
+    It is .csv, .csv.gz or, which alone holds grounds, .npz; others raise ValueError,
+    and OSError's message is one line. `origin` says where the drives come from, for
+    people.
     """
     path = Path(path)
     if not drives:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,23 @@ EXTRA = ("time", "drive", "session")
 
 
 class RecordingError(DataError):
-    """A fault of recorded motion: one line that names file, place and fault."""
+    """A fault of recorded motion: one line that names file, place and fault.
+
+    Where a file is taken apart it has no place yet; `faults_of` names it.
+    """
+
+    def __init__(self, fault: object, place: object = ""):
+        super().__init__(f"{place}: {fault}" if place else str(fault))
+        self.place = str(place)
+
+
+@contextlib.contextmanager
+def faults_of(place: object) -> Iterator[None]:
+    """Name the place, as a file, of a RecordingError in the block that has none."""
+    try:
+        yield
+    except RecordingError as error:
+        raise (error if error.place else RecordingError(error, place)) from None
 
 
 class RecordingWarning(Notice):
@@ -35,7 +52,7 @@ class Table(NamedTuple):
     labels: dict[str, np.ndarray]  # (R,) each, text: drive and session, where given
     rate: float | None  # Hz, where there is no column of time
     ground: Ground | None = None
-    notes: Sequence[str] = ()  # what was done with the file, one line each
+    notes: Sequence[str] = ()  # what was done with the file, without its name
     session: str = ""  # of all rows, where no label says it; '': each drive has its own
 
 
@@ -57,11 +74,20 @@ class Findings:
         self.notes: list[str] = []
         self.rates: list[float] = []
 
-    def add(self, fault: RecordingError | str) -> None:
-        """Keep a fault in the list, or raise it as a RecordingError."""
+    def add(self, fault: RecordingError) -> None:
+        """Keep a fault in the list, or raise it."""
         if not self.skip:
-            raise fault if isinstance(fault, RecordingError) else RecordingError(fault)
+            raise fault
         self.faults.append(str(fault))
+
+    @contextlib.contextmanager
+    def kept(self, place: object) -> Iterator[None]:
+        """Keep a RecordingError of the block, about this place, or raise it."""
+        try:
+            with faults_of(place):
+                yield
+        except RecordingError as error:
+            self.add(error)
 
     def warn(self) -> None:
         """Issue each note, and each drive or file that is left out, as a warning."""
@@ -72,7 +98,7 @@ class Findings:
 
 
 def unit_factors(
-    file: str, names: Sequence[str], units: Sequence[str], body: Body, timed: bool
+    names: Sequence[str], units: Sequence[str], body: Body, timed: bool
 ) -> dict[str, float]:
     """Factors that bring the columns of a body, and `time` if timed, into SI units.
 
@@ -82,27 +108,20 @@ def unit_factors(
     for column in wanted:
         if column not in names:
             raise RecordingError(
-                f"{file}: column '{column}' of body '{body.name}' is missing; "
+                f"column '{column}' of body '{body.name}' is missing; "
                 f"{hint(column, names)}"
             )
     for column in (*wanted, *EXTRA):
         if names.count(column) > 1:
-            raise RecordingError(f"{file}: two columns '{column}'; rename one of them")
-    return {
-        column: _unit_factor(file, column, units[names.index(column)], unit)
-        for column, unit in wanted.items()
-    }
-
-
-def _unit_factor(file: str, name: str, unit: str, expected: str) -> float:
-    """Factor from `unit` to the SI unit; the column is of the kind of `expected`."""
-    kind, known = kind_of(expected), units_like(expected)
-    unit = unit or ("1" if kind == "number" else "")
-    if unit not in known:
-        given = f"in '{unit}'" if unit else "without a unit"
-        article = "an" if kind[:1] in "aeiou" else "a"
-        right = f"{article} {kind} is" if kind else "the body has it"
-        raise RecordingError(
-            f"{file}: '{name}' {given}; {right} in {' or '.join(known)}"
-        )
-    return known[unit]
+            raise RecordingError(f"two columns '{column}'; rename one of them")
+    factors = {}
+    for column, expected in wanted.items():
+        kind, known = kind_of(expected), units_like(expected)
+        unit = units[names.index(column)] or ("1" if kind == "number" else "")
+        if unit not in known:
+            given = f"in '{unit}'" if unit else "without a unit"
+            article = "an" if kind[:1] in "aeiou" else "a"
+            right = f"{article} {kind} is" if kind else "the body has it"
+            raise RecordingError(f"'{column}' {given}; {right} in {' or '.join(known)}")
+        factors[column] = known[unit]
+    return factors

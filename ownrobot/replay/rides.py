@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,19 +60,10 @@ def ride(
 ) -> Ride:
     """Simulate a robot that drives from the origin, first heading along x.
 
-    Args:
-        robot: the robot's parameters.
-        terrain: the kind of ground.
-        terrain_seed: seed of the ground.
-        throttle: in [-1, 1], one for all control steps or one for each, (steps,).
-        steering: in [-1, 1], positive to the right, one for all control steps or one
-            for each, (steps,).
-        steps: number of control steps of 0.1 s.
-        strut_motors: whether motors brake the struts, as in the recorded robot;
-            otherwise springs and dampers act alone.
-
-    Returns:
-        The ride, with T = 2 steps.
+    Throttle and steering are in [-1, 1], steering positive to the right; each is one
+    number for all control steps of 0.1 s or one for each, (steps,). The ride has two
+    moments a step. Motors brake the struts, as in the recorded robot, or springs and
+    dampers act alone.
     """
     from sidm.simulation import Simulator
 
@@ -83,10 +73,7 @@ def ride(
 
 
 def sampled_physics(strut_motors: bool) -> Physics:
-    """Physics of the robots, with a `Simulator.step` of half a control step.
-
-    The motion is the same, bit for bit; it is only recorded twice as often.
-    """
+    """Physics with steps of half a control step; the motion stays bit for bit."""
     physics = Physics() if strut_motors else FREE_PHYSICS
     steps = physics.steps_per_control // SAMPLES_PER_STEP
     return dataclasses.replace(physics, steps_per_control=steps)
@@ -104,20 +91,13 @@ def drive(
     steps: int = 40,
     yaw: float = 0.0,
 ) -> Ride:
-    """Reset a simulator with `sampled_physics` and record a ride as `ride` does.
-
-    Its heading at the start is `yaw`, rad.
-    """
-    actions = np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering)
-
-    def motion() -> Iterator[np.ndarray]:
-        yield simulator.reset(yaw=yaw)
-        for action in np.repeat(np.stack(actions, axis=1), SAMPLES_PER_STEP, axis=0):
-            yield simulator.step(action)
-
-    moments = [
-        (state, simulator.strut_positions, simulator.joint_angles) for state in motion()
-    ]
+    """Reset a simulator with `sampled_physics` to a yaw, rad, and record a ride."""
+    pairs = np.broadcast_arrays(np.broadcast_to(throttle, (steps,)), steering)
+    actions = np.repeat(np.stack(pairs, axis=1), SAMPLES_PER_STEP, axis=0)
+    moments = []
+    for action in [None, *actions]:
+        state = simulator.reset(yaw=yaw) if action is None else simulator.step(action)
+        moments.append((state, simulator.strut_positions, simulator.joint_angles))
     states, struts, joints = map(np.array, zip(*moments, strict=True))
     return Ride(
         simulator.robot,

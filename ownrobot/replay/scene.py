@@ -66,20 +66,13 @@ def ride_track(
 
 
 def rides_scene(rides: Ride | Mapping[str, Ride]) -> Scene:
-    """Scene of one ride or of several rides by name, over the ground of the first.
-
-    All robots but the first are ghosts.
-    """
+    """Scene of a ride, or several by name over the first's ground, as ghosts."""
     named = {"robot": rides} if isinstance(rides, Ride) else rides
     tracks = [
-        ride_track(ride, name, _colour(number), GHOST_OPACITY if number else 0.0)
-        for number, (name, ride) in enumerate(named.items())
+        ride_track(ride, name, COLOURS[n % len(COLOURS)], GHOST_OPACITY if n else 0.0)
+        for n, (name, ride) in enumerate(named.items())
     ]
     return Scene(tuple(tracks), Ground(next(iter(named.values())).heights, SPACING))
-
-
-def _colour(number: int) -> str:
-    return COLOURS[number % len(COLOURS)]
 
 
 def rolling_angles(
@@ -101,18 +94,9 @@ def rolling_angles(
 
 
 def attitudes_on_ground(
-    path: np.ndarray,
-    ground: Ground,
-    base: float,
-    track: float,
-    yaw: np.ndarray | None = None,
+    path: np.ndarray, yaw: np.ndarray, ground: Ground, base: float, track: float
 ) -> Rotation:
-    """Attitudes (T + 1) of a robot on four wheels, from its path over the ground.
-
-    The path is (T + 1, 2), m; the yaw (T + 1,), rad, is by default its direction.
-    """
-    if yaw is None:
-        yaw = _heading(path)
+    """Attitudes (T + 1) of four wheels on a path (T + 1, 2), m, with a yaw, rad."""
     ahead = np.array([np.cos(yaw), np.sin(yaw)]).T
     left = np.array([-np.sin(yaw), np.cos(yaw)]).T
 
@@ -124,19 +108,6 @@ def attitudes_on_ground(
 
     angles = np.stack([yaw, -slope(ahead, base), slope(left, track)], axis=1)
     return Rotation.from_euler("ZYX", angles)
-
-
-def _heading(path: np.ndarray) -> np.ndarray:
-    """Direction (T + 1,), rad, of a path (T + 1, 2), m.
-
-    Where the robot hardly moves, the direction is interpolated.
-    """
-    move = np.gradient(path, axis=0)
-    moving = np.flatnonzero(np.hypot(*move.T) > 0.005)
-    if not len(moving):
-        return np.zeros(len(path))
-    angle = np.unwrap(np.arctan2(*move[moving].T[::-1]))
-    return np.interp(np.arange(len(path)), moving, angle)
 
 
 def height_on(ground: Ground, points: np.ndarray) -> np.ndarray:
@@ -155,10 +126,7 @@ def wheel_dimensions(shape: Box | Robot) -> tuple[float, float, float]:
 def drive_track(
     drive: Drive, ground: Ground, shape: Box | Robot, name: str, colour: str
 ) -> Track:
-    """Track of a drive with a pose, on wheels that roll without slip.
-
-    A planar pose stands on the ground.
-    """
+    """Track of a drive on rolling wheels; a planar pose stands on the ground."""
     pose = drive.states[:, : drive.body.pose_size]
     base, track, radius = wheel_dimensions(shape)
     is_planar = drive.body.pose == "planar"
@@ -167,7 +135,7 @@ def drive_track(
         above = 0.0 if isinstance(shape, Box) else radius
         height = height_on(ground, pose[:, :2]) + above
         position = np.column_stack([pose[:, :2], height])
-        attitude = attitudes_on_ground(pose[:, :2], ground, base, track, pose[:, 2])
+        attitude = attitudes_on_ground(pose[:, :2], pose[:, 2], ground, base, track)
         quaternion = attitude.as_quat()
     else:
         position, quaternion = pose[:, :3], pose[:, 3:7]
@@ -184,15 +152,12 @@ def drive_track(
 
 
 def drives_scene(drives: Iterable[Drive], shape: Box | Robot = BOXES["husky"]) -> Scene:
-    """Scene of recorded drives over the ground of the first drive.
-
-    The ground is level where none was recorded.
-    """
+    """Scene of recorded drives over the ground of the first, or level ground."""
     drives = list(drives)
     ground = _ground_under(drives)
     tracks = [
-        drive_track(drive, ground, shape, drive.name, _colour(number))
-        for number, drive in enumerate(drives)
+        drive_track(drive, ground, shape, drive.name, COLOURS[n % len(COLOURS)])
+        for n, drive in enumerate(drives)
     ]
     return Scene(tuple(tracks), ground, 3.5 * wheel_dimensions(shape)[0])
 
@@ -205,12 +170,8 @@ def predicted_scene(
 ) -> Scene:
     """Scene of a recorded drive, and of its prediction as a ghost.
 
-    Args:
-        drive: a drive with a planar or a spatial pose.
-        path: the states (K + 1, S) that a model predicts from the drive's start, as
-            `Model.rollout` returns them.
-        shape: what the robot looks like.
-        names: names of the robot and of the model, for the legend.
+    The path has the states (K + 1, S) that a model predicts from the drive's start, as
+    `Model.rollout` returns them. The names, for the legend, are of robot and model.
     """
     predicted = replace(drive, states=path)
     ground = _ground_under([drive, predicted])
@@ -234,11 +195,7 @@ def _ground_under(drives: Sequence[Drive]) -> Ground:
     if recorded:
         # Positions are relative to the middle of a recorded ground.
         return Ground(recorded.heights, recorded.spacing)
-    return level_ground(np.concatenate([drive.states[:, :2] for drive in drives]))
-
-
-def level_ground(points: np.ndarray) -> Ground:
-    """Level ground around points (N, 2), m."""
+    points = np.concatenate([drive.states[:, :2] for drive in drives])
     low, high = points.min(0) - 2 * MARGIN, points.max(0) + 2 * MARGIN
     x, y = (low + high) / 2
     columns, rows = np.ceil((high - low) / LEVEL_SPACING).astype(int) + 1

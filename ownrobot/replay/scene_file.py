@@ -32,11 +32,10 @@ def track_json(track: Track) -> dict[str, Any]:
     # q and -q are the same attitude: take the sign that makes the series continuous.
     flips = np.where((quaternion[1:] * quaternion[:-1]).sum(1) < 0, -1, 1)
     signs = np.concatenate([[1], np.cumprod(flips)])
-    columns = np.column_stack(
-        [track.position, quaternion * signs[:, None], track.joints]
-    )
+    parts = [track.position, quaternion * signs[:, None], track.joints]
+    columns = np.column_stack(parts)
     joints = track.joints.shape[1]
-    finest = np.array([PER_METRE] * 3 + [PER_QUATERNION] * 4 + [PER_RADIAN] * joints)
+    finest = np.repeat([PER_METRE, PER_QUATERNION, PER_RADIAN], [3, 4, joints])
     largest = np.maximum(np.abs(columns).max(axis=0), 1e-9)
     scales = np.minimum(finest, LARGEST_INTEGER / largest).round(3)
     return {
@@ -94,8 +93,8 @@ def ground_json(ground: Ground) -> dict[str, Any]:
 
 def _cropped_ground(scene: Scene) -> Ground:
     """The ground around all tracks of a scene."""
-    points = np.concatenate([track.position[:, :2] for track in scene.tracks])
-    return cropped(scene.ground, points)
+    points = [track.position[:, :2] for track in scene.tracks]
+    return cropped(scene.ground, np.concatenate(points))
 
 
 def scene_json(scene: Scene) -> dict[str, Any]:
@@ -111,34 +110,25 @@ def scene_json(scene: Scene) -> dict[str, Any]:
 def write_scene(path: str | Path, scene: Scene) -> None:
     """Write a scene as one .npz file, which `ownrobot replay` shows."""
     ground = _cropped_ground(scene)
-    tracks = [track._asdict() for track in scene.tracks]
+    arrays = {"heights": np.asarray(ground.heights, np.float32)}
+    tracks = []
+    for number, track in enumerate(scene.tracks):
+        fields = track._asdict()
+        for name in ARRAYS:
+            arrays[f"{name} {number}"] = np.asarray(fields.pop(name), np.float32)
+        tracks.append(fields)
     content = {
-        "tracks": [
-            {name: value for name, value in track.items() if name not in ARRAYS}
-            for track in tracks
-        ],
+        "tracks": tracks,
         "spacing": ground.spacing,
-        "centre": list(ground.centre),
+        "centre": ground.centre,
         "distance": scene.distance,
         "label": scene.label,
     }
-    arrays = {
-        "scene": np.array(json.dumps(content)),
-        "heights": np.asarray(ground.heights, np.float32),
-    }
-    for number, track in enumerate(tracks):
-        for name in ARRAYS:
-            arrays[f"{name} {number}"] = np.asarray(track[name], np.float32)
-    write_arrays(Path(path), arrays)
+    write_arrays(Path(path), {"scene": np.array(json.dumps(content))} | arrays)
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Read a scene that `write_scene` wrote.
-
-    Raises:
-        FileNotFoundError: there is no such file.
-        Damaged: the file has changed since it was written, or holds no scene.
-    """
+    """Read a scene that `write_scene` wrote; Damaged where the file holds none."""
     arrays = read_arrays(Path(path))
     if "scene" not in arrays:
         raise Damaged("it holds no scene")

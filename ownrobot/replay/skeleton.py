@@ -41,14 +41,9 @@ BOXES = {
 
 
 def find_box(shape: str) -> Box:
-    """Dimensions of a robot by its name or by three lengths.
+    """Dimensions of a robot by a name in BOXES, or by 'WHEELBASE,TRACK,RADIUS' in m.
 
-    Args:
-        shape: a name in BOXES, or 'WHEELBASE,TRACK,RADIUS' in m; from these follow the
-            sizes of body and tyres.
-
-    Raises:
-        ConfigError: `shape` is neither; the message has the nearest name.
+    From these follow the sizes of body and tyres. Others raise ConfigError.
     """
     if shape in BOXES:
         return BOXES[shape]
@@ -70,14 +65,27 @@ def _rounded(values: Any) -> Any:
     return np.round(values, 4).tolist()
 
 
-def _body(size: Iterable[float], at: Iterable[float] = (0, 0, 0)) -> dict[str, Any]:
+def _body(size: Iterable[float], height: float = 0) -> dict[str, Any]:
     """The first part of a skeleton."""
-    return {"at": list(at), "shapes": [{"kind": "body", "size": list(size)}]}
+    return {"at": [0, 0, height], "shapes": [{"kind": "body", "size": list(size)}]}
 
 
-def _tyre(radius: float, width: float, side: float) -> list[dict[str, Any]]:
-    """Shapes of a wheel; `side` is 1 on the left and -1 on the right."""
-    return [{"kind": "tyre", "radius": radius, "width": width, "side": side}]
+def _turning(parent: int, at: Any, axis: Any, joint: int) -> dict[str, Any]:
+    """A part that turns about an axis."""
+    return {
+        "parent": parent,
+        "at": _rounded(at),
+        "axis": _rounded(axis),
+        "joint": joint,
+    }
+
+
+def _wheel(
+    parent: int, at: Any, joint: int, radius: float, width: float, side: float
+) -> dict[str, Any]:
+    """A part with a tyre; `side` is 1 on the left and -1 on the right."""
+    tyre = {"kind": "tyre", "radius": radius, "width": width, "side": side}
+    return _turning(parent, at, (0, 1, 0), joint) | {"shapes": [tyre]}
 
 
 def box_skeleton(box: Box, on_ground: bool = True) -> Skeleton:
@@ -87,101 +95,58 @@ def box_skeleton(box: Box, on_ground: bool = True) -> Skeleton:
     is on the ground between the wheels, or in the middle of the body.
     """
     height = box.clearance + box.size[2] / 2
-    parts = [_body(box.size, [0, 0, height] if on_ground else [0, 0, 0])]
-    for number, (end, side) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)]):
-        hub = [end * box.wheelbase / 2, side * box.track / 2, box.radius - height]
-        wheel = {"parent": 0, "at": _rounded(hub), "axis": [0, 1, 0], "joint": number}
-        parts.append(wheel | {"shapes": _tyre(box.radius, box.width, side)})
+    parts = [_body(box.size, height if on_ground else 0)]
+    for joint, (end, side) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)]):
+        hub = (end * box.wheelbase / 2, side * box.track / 2, box.radius - height)
+        parts.append(_wheel(0, hub, joint, box.radius, box.width, side))
     return {"parts": parts, "rods": []}
 
 
 def rover_skeleton(robot: Robot, strut_motors: bool = True) -> Skeleton:
-    """Skeleton of a robot of the paper, with the joints of `Simulator.joint_angles`."""
-    from sidm.simulation.dimensions import AXLES, CHASSIS_SIZE
-    from sidm.simulation.suspension import Suspension
+    """Skeleton of a robot of the paper, with the joints of `Simulator.joint_angles`.
 
-    parts = [_body(CHASSIS_SIZE)]
-    rods: list[dict[str, Any]] = []
-    for number, axle in enumerate(AXLES):
-        joints = Suspension(robot, axle, Physics(strut_motors=strut_motors)).joints
-        heave = {
-            "parent": 0,
-            "at": joints.heave_point,
-            "axis": joints.heave_axis,
-            "joint": 2 * number,
-        }
-        roll = {
-            "parent": len(parts),
-            "at": joints.roll_point - joints.heave_point,
-            "axis": joints.roll_axis,
-            "joint": 2 * number + 1,
-            "shapes": [_tube(axle, joints)],
-        }
-        parts += [heave, roll]
-        _add_wheels(parts, axle, number, joints)
-        rods += _rods(axle, joints, 2 + 6 * number)
-    return {"parts": [_rounded_part(part) for part in parts], "rods": rods}
-
-
-def _rounded_part(part: dict[str, Any]) -> dict[str, Any]:
-    """The part with its point and its axis as rounded lists."""
-    vectors = {name: part[name] for name in ("at", "axis") if name in part}
-    return part | {name: _rounded(vector) for name, vector in vectors.items()}
-
-
-def _tube(axle: str, joints: Any) -> dict[str, Any]:
-    """Shape of the axle itself, a tube from hub to hub."""
-    from sidm.simulation.dimensions import REAR_LEFT_HUB, SIDES, mirror
-
-    hubs = [joints.pose.place(mirror(axle, side) * REAR_LEFT_HUB) for side in SIDES]
-    right, left = (_rounded(hub - joints.roll_point) for hub in hubs)
-    return {"kind": "tube", "from": right, "to": left, "radius": 0.012}
-
-
-def _add_wheels(
-    parts: list[dict[str, Any]], axle: str, number: int, joints: Any
-) -> None:
-    """Append hubs and tyres of an axle, which is the last of `parts`.
-
-    The front hubs turn about their kingpins.
+    The body carries the heave of each axle, this its roll, and the roll the hubs with
+    their wheels; front hubs turn about their kingpins.
     """
     from sidm.simulation import dimensions as sizes
+    from sidm.simulation.linkage import rods as rods_of
+    from sidm.simulation.suspension import Suspension
 
-    carrier = len(parts) - 1
-    for side_number, side in enumerate(sizes.SIDES):
-        signs = sizes.mirror(axle, side)
-        pivot = signs * sizes.REAR_LEFT_HUB
-        if axle == "front":
-            pivot = sizes.FRONT_LEFT_KINGPIN * (1, signs[1], 1)
-        pivot = joints.pose.place(pivot)
-        tyre = joints.pose.place(signs * sizes.REAR_LEFT_TYRE)
-        hub = {"parent": carrier, "at": pivot - joints.roll_point}
-        if axle == "front":
-            axis = joints.pose.rotation @ sizes.KINGPIN_AXIS
-            axis = axis / np.linalg.norm(sizes.KINGPIN_AXIS)
-            hub |= {"axis": axis, "joint": 8 + side_number}
-        wheel = {
-            "parent": len(parts),
-            "at": tyre - pivot,
-            "axis": [0, 1, 0],
-            "shapes": _tyre(sizes.TYRE_RADIUS, sizes.TYRE_WIDTH, float(signs[1])),
-            "joint": 4 + 2 * number + side_number,
-        }
-        parts += [hub, wheel]
-
-
-def _rods(axle: str, joints: Any, carrier: int) -> list[dict[str, Any]]:
-    """Links and struts between the axle, part number `carrier`, and the body."""
-    from sidm.simulation.linkage import rods
-
-    found = []
-    for number, (axle_end, body_end) in enumerate(rods(axle)):
-        ends = [
-            [carrier, _rounded(joints.pose.place(axle_end) - joints.roll_point)],
-            [0, _rounded(body_end)],
+    parts, rods = [_body(sizes.CHASSIS_SIZE)], []
+    for number, axle in enumerate(sizes.AXLES):
+        joints = Suspension(robot, axle, Physics(strut_motors=strut_motors)).joints
+        middle, place = joints.roll_point, joints.pose.place
+        sides = [sizes.mirror(axle, side) for side in sizes.SIDES]
+        hubs = [place(signs * sizes.REAR_LEFT_HUB) for signs in sides]
+        right, left = (_rounded(hub - middle) for hub in hubs)
+        tube = {"kind": "tube", "from": right, "to": left, "radius": 0.012}
+        heave, carrier = len(parts), len(parts) + 1
+        parts += [
+            _turning(0, joints.heave_point, joints.heave_axis, 2 * number),
+            _turning(
+                heave, middle - joints.heave_point, joints.roll_axis, 2 * number + 1
+            )
+            | {"shapes": [tube]},
         ]
-        found.append({"kind": "link" if number < 4 else "strut", "ends": ends})
-    return found
+        for side, (signs, pivot) in enumerate(zip(sides, hubs, strict=True)):
+            if axle == "front":
+                pivot = place(sizes.FRONT_LEFT_KINGPIN * (1, signs[1], 1))
+                axis = joints.pose.rotation @ sizes.KINGPIN_AXIS
+                axis = axis / np.linalg.norm(sizes.KINGPIN_AXIS)
+                hub = _turning(carrier, pivot - middle, axis, 8 + side)
+            else:
+                hub = {"parent": carrier, "at": _rounded(pivot - middle)}
+            tyre = place(signs * sizes.REAR_LEFT_TYRE) - pivot
+            size = (sizes.TYRE_RADIUS, sizes.TYRE_WIDTH, float(signs[1]))
+            wheel = _wheel(len(parts), tyre, 4 + 2 * number + side, *size)
+            parts += [hub, wheel]
+        for rod, (axle_end, body_end) in enumerate(rods_of(axle)):
+            ends = [
+                [carrier, _rounded(place(axle_end) - middle)],
+                [0, _rounded(body_end)],
+            ]
+            rods.append({"kind": "link" if rod < 4 else "strut", "ends": ends})
+    return {"parts": parts, "rods": rods}
 
 
 def heave_curves(robot: Robot, strut_motors: bool = True) -> list[list[float] | None]:

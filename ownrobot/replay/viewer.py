@@ -66,8 +66,5 @@ class View:
 
 
 def replay(rides: Ride | Mapping[str, Ride] | Scene, title: str = "Replay") -> View:
-    """View a ride, several rides by name over the same ground, or a scene.
-
-    All rides but the first are ghosts.
-    """
+    """View a ride, several rides by name, the first one solid, or a scene."""
     return View(rides if isinstance(rides, Scene) else rides_scene(rides), title)

@@ -13,15 +13,16 @@ from ownrobot.recordings import (
     write_drives,
 )
 from ownrobot.recordings.frames import (
-    refuse_other_steering,
+    faults_together,
     refuse_other_turning,
     refuse_other_velocities,
 )
-from ownrobot.recordings.headings import check_headings
+from ownrobot.recordings.headings import drives_along_yaw
+from ownrobot.recordings.table import Findings
 from sidm.body import ROVER
 from sidm.config import replace
 from sidm.drives import Drive
-from tests.ownrobot.cart import planar
+from tests.ownrobot.cart import CART, planar
 
 ROOT = Path(__file__).parents[3]
 RATES = slice(10, 13)  # of the state: wx, wy, wz
@@ -63,8 +64,8 @@ def fault_of(*drives: np.ndarray, rate: float = 10.0) -> str:
     """Message about the velocities of a file, or nothing where they are accepted."""
     try:
         for states in drives:
-            refuse_other_velocities("drive", states[:: round(rate / 10)], ROVER)
-        refuse_other_turning("drive", [(states, rate) for states in drives])
+            refuse_other_velocities(states[:: round(rate / 10)], ROVER)
+        refuse_other_turning([(states, rate) for states in drives])
     except RecordingError as error:
         return str(error)
     return ""
@@ -121,26 +122,26 @@ def test_short_drives_noise_bias_and_standing_still_are_no_fault(drives, rng):
 
 def test_steering_to_the_left_is_noticed_in_a_file(drives):
     """Twenty drives show it together; one that goes straight is not judged."""
-    refuse_other_steering("file", drives)
+    assert faults_together("file", drives, ROVER) == []
     for first in range(0, len(drives) - 19, 20):
         some = drives[first : first + 20]
         other = [replace(drive, actions=drive.actions * (1, -1)) for drive in some]
-        with pytest.raises(RecordingError, match="against their steering, .* right"):
-            refuse_other_steering("file", other)
-    states, steering = turning(0.03), np.full((70, 2), 0.05)
-    refuse_other_steering("file", [replace(drives[0], states=states, actions=steering)])
+        (fault,) = faults_together("file", other, ROVER)
+        assert fault.startswith("file: robots turn against their steering")
+    straight = {"states": turning(0.03), "actions": np.full((70, 2), 0.05)}
+    assert faults_together("file", [replace(drives[0], **straight)], ROVER) == []
 
 
 RECORDINGS = ROOT / "recordings"
 BODY = planar("cart", {"wheel": "rad/s"}, {"throttle": "1"})
 
 
-def cart_drive(rng: np.random.Generator, off: float = 0.0, steps: int = 60) -> Drive:
+def cart_drive(rng: np.random.Generator, off=0.0, facing=0.0, steps=60) -> Drive:
     """A cart that goes forwards and backwards in curves; its pose is `off` degrees."""
     time = np.arange(steps + 1) / BODY.rate
     phase = rng.uniform(0, 2 * np.pi)
     speed = 1.2 * np.sin(time + phase)
-    yaw = 0.3 * np.sin(0.5 * time + phase)
+    yaw = facing + 0.3 * np.sin(0.5 * time + phase)
     course = yaw + np.radians(off)
     moved = (speed * np.stack([np.cos(course), np.sin(course)]) / BODY.rate).T
     place = np.cumsum(moved, axis=0) + rng.normal(0, 0.005, (steps + 1, 2))
@@ -151,25 +152,32 @@ def cart_drive(rng: np.random.Generator, off: float = 0.0, steps: int = 60) -> D
     return Drive(states, throttle, BODY, name=name, session=name)
 
 
+def said(drives: list[Drive]) -> list[str]:
+    """What is said of drives of one file whose motion is off their yaw."""
+    findings = Findings(skip=True, doubtful=True)
+    with findings.kept("file"):
+        assert drives_along_yaw("file", drives, drives[0].body, findings) == drives
+    return findings.faults + findings.notes
+
+
 @pytest.mark.parametrize("off", [75, 120, 180, -100])
 def test_a_drive_of_several_that_is_off_is_found(rng, off):
-    found = check_headings(
-        [cart_drive(rng) for _ in range(11)] + [cart_drive(rng, off)], BODY
-    )
-    assert [one.drive for one in found.off] == [11] and not found.most
-    assert abs((found.off[0].degrees - off + 180) % 360 - 180) < 15
-    assert found.judged == 12
+    drives = [*(cart_drive(rng) for _ in range(11)), cart_drive(rng, off)]
+    (note,) = said(drives)
+    start = f"file: 1 of 12 drives do not move along their yaw: {drives[11].name} ("
+    assert note.startswith(start)
+    degrees = float(note.removeprefix(start).split()[0])
+    assert abs((degrees - off + 180) % 360 - 180) < 15
 
 
 def test_right_drives_and_robots_that_slip_or_go_all_ways_are_not_found(rng):
-    assert check_headings([cart_drive(rng) for _ in range(30)], BODY).off == []
-    assert check_headings([cart_drive(rng)], BODY).off == []
-    for most in (40, 180):
-        drives = [cart_drive(rng, off) for off in rng.uniform(-most, most, 30)]
-        assert check_headings(drives, BODY).off == []
+    assert said([cart_drive(rng) for _ in range(30)]) == []
+    assert said([cart_drive(rng)]) == []
+    for most, facing in ((30, 0), (180, 3)):
+        spread = rng.uniform(-1, 1, (30, 2)) * (most, facing)
+        assert said([cart_drive(rng, *one) for one in spread]) == []
     sideways = replace(BODY, columns=(("vy", "m/s"),))
-    turned = [replace(cart_drive(rng, 90), body=sideways) for _ in range(5)]
-    assert check_headings(turned, sideways).off == []
+    assert said([replace(cart_drive(rng, 90), body=sideways) for _ in range(5)]) == []
 
 
 @pytest.mark.parametrize("count", [1, 8])
@@ -182,6 +190,38 @@ def test_a_file_of_drives_that_are_off_is_refused(rng, tmp_path, count):
         "yaw; are yaw, x and y of one frame, and is yaw 0 along x",
     ):
         read_drives(path, BODY)
+
+
+def weaving(yaw_of, steps=400, wide=2.0) -> Drive:
+    """A drive in all directions, with a yaw that is a function of the true one."""
+    yaw = wide * np.cumsum(np.sin(0.07 * np.arange(steps + 1))) / 10
+    x, y = (np.cumsum(0.1 * part(yaw)) for part in (np.cos, np.sin))
+    states = np.stack([x, y, yaw_of(yaw), np.ones(steps + 1)], 1)
+    return Drive(states, np.ones((steps, 1)), CART)
+
+
+@pytest.mark.parametrize(
+    "yaw_of, words",
+    [
+        (lambda yaw: yaw, ""),
+        (lambda yaw: yaw + np.pi, ""),  # it drives backwards
+        (lambda yaw: yaw + 0.8, "45 degrees off"),
+        (lambda yaw: -yaw, "turned to the right"),
+        (lambda yaw: np.pi / 2 - yaw, "turned to the right"),  # a compass
+        (lambda yaw: 0 * yaw, "hardly changes"),
+        (lambda yaw: 1 + 0.02 * np.sin(30 * yaw), "hardly changes"),
+        (np.degrees, "in degrees"),
+        (lambda yaw: np.degrees(-yaw), ""),  # two faults at once are not told apart
+        (np.radians, "called degrees"),
+    ],
+)
+def test_the_yaw_of_all_drives_is_held_against_their_directions(yaw_of, words):
+    faults = said([weaving(yaw_of)] * 3)
+    assert words in "".join(faults) and bool(words) == bool(faults)
+
+
+def test_what_tells_nothing_of_the_yaw_is_no_fault():
+    assert said([weaving(lambda yaw: 0 * yaw, wide=0.02)]) == []
 
 
 #: Drives of the recordings in which the lidar's pose was matched wrongly -> degrees

@@ -81,10 +81,6 @@ def test_a_slow_simulations_late_topic_is_of_its_clock():
     assert all("the stamps count" in note for note in notes) and len(notes) == 2
 
 
-def test_without_stamps_the_times_of_receipt_count():
-    assert on_one_clock([topic("/odom", TIME + 1)])[1] == []
-
-
 def test_an_action_is_the_mean_of_what_was_commanded():
     """A command of 2 for 30 ms of 100 ms and of 4 for the rest."""
     command = Samples(np.array([0.0, 0.13, 0.3]), np.array([2.0, 4.0, 0.0]))
@@ -100,37 +96,31 @@ def robot(received, stamps, x):
     return [topic("/odom", received, stamps, **pose), command]
 
 
-def test_a_clock_that_goes_back_cuts_the_drive():
+def test_a_clock_that_goes_back_cuts_the_drive_and_poses_of_one_time_are_left_out():
     stamps = np.r_[TIME, TIME[50:]] + 100
     received = 1e6 + np.arange(len(stamps)) * 0.05
-    parts, notes = _parts("bag", robot(received, stamps, np.arange(len(stamps))))
+    parts, notes = _parts(robot(received, stamps, np.arange(len(stamps))))
     first, second = (part.pose["x"] for part in parts)
     assert len(first.values) == len(TIME) and second.values[0] == len(TIME)
     assert (np.diff(first.times) > 0).all() and (np.diff(second.times) > 0).all()
-
-
-def test_poses_of_one_time_are_left_out_with_a_count():
     stamps = np.repeat(TIME[:200], 2) + 100
     received = 100 + np.arange(400) * 0.025
-    (part,), notes = _parts("bag", robot(received, stamps, np.arange(400)))
+    (part,), notes = _parts(robot(received, stamps, np.arange(400)))
     assert np.array_equal(part.pose["x"].values, np.arange(0, 400, 2))
     assert any("200 poses have the time of the pose before" in note for note in notes)
 
 
-def test_every_part_of_a_command_is_read_or_named():
-    (part,), _ = _parts("bag", robot(TIME + 1, TIME + 1, TIME))
+def test_every_part_of_a_command_is_read_or_named_and_a_pause_is_told():
+    (part,), _ = _parts(robot(TIME + 1, TIME + 1, TIME))
     wanted = ["x", "y", "yaw", "linear", "linear_y"]
-    columns = bag_columns("bag", part, wanted, "mecanum")
+    columns = bag_columns(part, wanted, "mecanum")
     assert np.ptp(columns["linear_y"]) > 500
-    assert _notes_of_commands("bag", [part], wanted) == []
-    (note,) = _notes_of_commands("bag", [part], ["linear"])
-    assert note.startswith("bag: linear_y of the command changes and is not read")
-
-
-def test_a_pause_of_the_commands_is_told():
+    assert _notes_of_commands([part], wanted) == []
+    (note,) = _notes_of_commands([part], ["linear"])
+    assert note.startswith("linear_y of the command changes and is not read")
     times = np.r_[0:5:0.1, 8:10:0.1]
-    command = {"linear": Samples(times, np.sin(times))}
-    (note,) = _notes_of_commands("bag", [Topics({}, {}, command)], ["linear"])
+    paused = Topics({}, {}, {"linear": Samples(times, np.sin(times))})
+    (note,) = _notes_of_commands([paused], ["linear"])
     assert "pause for up to 3.1 s" in note
 
 
@@ -139,7 +129,7 @@ def test_orientations_that_are_none_are_refused(length):
     pose, command = robot(TIME + 1, TIME + 1, TIME)
     rows, _ = pose.columns["qw"]
     pose.columns["qw"] = rows, np.full(len(rows), length)
-    (part,), _ = _parts("bag", [pose, command])
+    (part,), _ = _parts([pose, command])
     with pytest.raises(RecordingError, match=f"length {length:.4g}, not 1"):
-        bag_columns("bag", part, ["x", "y", "yaw", "linear"], "cart")
-    assert "x" in bag_columns("bag", part, ["x", "linear"], "without yaw")
+        bag_columns(part, ["x", "y", "yaw", "linear"], "cart")
+    assert "x" in bag_columns(part, ["x", "linear"], "without yaw")

@@ -150,18 +150,6 @@ FAULTS = {
         "wz", np.degrees(0.5)
     ),
     "3 s after its start the position jumps": changed("x", 3.0, slice(31, None)),
-    "the map of the ground seems to be upside down": {
-        "rows": uphill(),
-        "where": ground(heights=hill().heights[::-1]),
-    },
-    "the map of the ground seems to be the wrong way round": {
-        "rows": uphill(),
-        "where": ground(heights=hill().heights[:, ::-1]),
-    },
-    "the map of the ground seems to be transposed": {
-        "rows": uphill(),
-        "where": ground(heights=hill().heights.T),
-    },
     "'lengths' of shape (1,) and float64": {"lengths": np.array([71.0])},
     "1 heights, but 'ground' of 1 drives goes up to 1": {"ground": np.array([1])},
     "the header has no 'rate'": {"header": {"rate": None}},
@@ -173,6 +161,13 @@ FAULTS = {
     "of <U4, not of numbers": {"heights": np.full((1, 81, 81), "high")},
     "columns and units of the header": {"header": {"columns": list(range(15))}},
 }
+for words, turn in (
+    ("upside down", np.flipud),
+    ("the wrong way round", np.fliplr),
+    ("transposed", np.transpose),
+):
+    other = {"rows": uphill(), "where": ground(heights=turn(hill().heights))}
+    FAULTS[f"the map of the ground seems to be {words}"] = other
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -185,34 +180,33 @@ def test_a_fault_is_named_in_one_line(tmp_path, fault):
 
 
 def test_a_member_that_is_missing_and_an_npy_file_are_named(tmp_path):
-    path, arrays = tmp_path / "a.npz", members()
-    del arrays["heights"]
-    np.savez(path, **arrays)
-    with pytest.raises(RecordingError, match="member 'heights' is missing"):
-        read_drives(path, ROVER)
-    np.savez(path, **members() | {"header": np.array("{")})
-    with pytest.raises(RecordingError, match="the header is not JSON"):
-        read_drives(path, ROVER)
-    with path.open("wb") as file:
-        np.save(file, circle())
-    with pytest.raises(RecordingError, match="it holds one array, as .npy files do"):
-        read_drives(path, ROVER)
+    arrays, path = members(), tmp_path / "a.npz"
+    without = {name: arrays[name] for name in arrays if name != "heights"}
+    for write, words in (
+        (lambda file: np.savez(file, **without), "member 'heights' is missing"),
+        (
+            lambda file: np.savez(file, **arrays | {"header": np.array("{")}),
+            "the header is not JSON",
+        ),
+        (lambda file: np.save(file, circle()), "it holds one array, as .npy files do"),
+    ):
+        with path.open("wb") as file:
+            write(file)
+        with pytest.raises(RecordingError, match=words):
+            read_drives(path, ROVER)
 
 
 class Opened:
-    def __init__(self, path: Path):
-        self.path = path
-
     def __reduce__(self):
-        return Path.touch, (self.path,)
+        return Path.touch, (Path("opened"),)
 
 
-def test_no_pickle_is_opened(tmp_path):
-    harmful = np.array([Opened(tmp_path / "opened")], object)
-    np.savez(tmp_path / "a.npz", **members(sessions=harmful))
+def test_no_pickle_is_opened(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.savez("a.npz", **members(sessions=np.array([Opened()], object)))
     with pytest.raises(RecordingError, match="cannot be read as .npz"):
-        read_drives(tmp_path / "a.npz", ROVER)
-    assert not (tmp_path / "opened").exists()
+        read_drives("a.npz", ROVER)
+    assert not Path("opened").exists()
 
 
 def write_csv(folder: Path, header: str) -> Path:
