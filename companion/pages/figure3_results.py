@@ -69,13 +69,9 @@ STOPPING = (
 
 
 class Figure3:
-    """Results of recipe Q by a preset, and of recipes R and T.
+    """Results of recipe Q by the preset of a `study`, and of recipes R and T.
 
     R and T have one preset, `study`, and motion of their own.
-
-    Args:
-        study: preset, data and results of recipe Q.
-        systems: the pairs of robots.
     """
 
     def __init__(self, study: Study, systems: Sequence[str]) -> None:
@@ -140,9 +136,8 @@ class Figure3:
     ) -> str:
         """The movable stopping point of recipes R and T, as HTML.
 
-        Args:
-            systems: of the picture that is shown where there is no script.
-            names: the charts, as in `stopping_charts.html`.
+        Where there is no script, a picture of the `systems` is shown; `names` are the
+        charts, as in `stopping_charts.html`.
         """
         trained = self.searched[self.searched.method != CLOSED_FORM]
         numbers = stopping_point.contents(self.long_trained, trained, self.along)
@@ -206,13 +201,18 @@ class Figure3:
         yield from long_numbers(self.long_trained)
         units = self.store.frame(search.compare_units(self.long), curves=True)
         yield from unit_numbers(units)
+        few = self.long_trained.query("system == 'system1' and novice_minutes == @AT")
+        for method in ("sidm", TUNED):
+            chosen = few[(few.recipe == "T") & (few.method == method)]
+            loss = known_text("{:.2f}", chosen.validation_loss.mean())
+            yield f"loss-T-{method}", loss
         yield "decisive", table(judged, self.long_trained, long)
 
 
 def long_numbers(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
     """Numbers of recipes R and T by name; 'not run' where trainings lack.
 
-    Data ratios with their intervals, ratios of losses, a p-value and losses.
+    Data ratios with their intervals, ratios of losses and a p-value.
     """
     ratios = {
         name: verdicts.sidm_saving(frame, *where) for name, where in SAVINGS.items()
@@ -230,9 +230,6 @@ def long_numbers(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
     judged = verdicts.verdicts(frame).query("verdict == 'T2' and system == 'system1'")
     p = judged[judged.method == "sidm"].corrected.min()
     yield "tuned-p", known_text("{:.2f}", p)
-    for method in ("sidm", TUNED):
-        few = tuned[(tuned.novice_minutes == AT) & (tuned.method == method)]
-        yield f"loss-T-{method}", known_text("{:.2f}", few.validation_loss.mean())
 
 
 def unit_numbers(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:

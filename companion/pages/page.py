@@ -75,11 +75,8 @@ class Page:
     The project's folder becomes the working folder. Where a parameter has another value
     than in the project's notebook, the page begins with a line that says so; a value of
     another type or outside its range raises ConfigError. The cell magic `%%text` shows
-    Markdown in which `{name}` stands for a number, see `fill`.
-
-    Args:
-        name: the notebook's name, such as '04-figure3'.
-        values: the notebook's variables, `globals()`.
+    Markdown in which `{name}` stands for a number, see `fill`. The notebook has the
+    `name`, such as '04-figure3', and the variables `values`, its `globals()`.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any]) -> None:

@@ -53,14 +53,9 @@ def changes_of(
 ) -> tuple[dict[str, Change], dict[str, Change]]:
     """What the chapter changes of its first robot, by words.
 
-    Args:
-        first: the robot's name, such as 'system1 novice'.
-        second: the robot that it is compared with.
-        first_given: values of a suspension that a reader gives the first robot.
-        second_given: the same for the second one.
-
-    Returns:
-        Changes of more than the suspension, and of the suspension alone.
+    Robots have names such as 'system1 novice', and the values of a suspension that a
+    reader gives them. Changes of more than the suspension come first, then those of the
+    suspension alone.
     """
     one, other = find_robot(first), find_robot(second)
     struts = {name: getattr(one, name) for name in ("spring_offset", *SUSPENSION)}
@@ -83,20 +78,12 @@ def changes_of(
         "struts free: no joint motors": Change(one, motors=False),
         "soft spring and free struts": Change(soft, motors=False),
     }
-    for words, robot in changed_robots(one, first_given).items():
-        suspensions[words] = Change(robot)
+    for name, value in first_given.items():
+        words = SUSPENSION[name].format(value)
+        suspensions[words] = Change(one.replace(**{name: value}))
+    if len(first_given) > 1:
+        suspensions["all of these together"] = Change(one.replace(**first_given))
     return robots, suspensions
-
-
-def changed_robots(robot: Robot, values: Mapping[str, float]) -> dict[str, Robot]:
-    """Copies of a robot with each of the values alone and with all, by their words."""
-    copies = {
-        SUSPENSION[name].format(value): robot.replace(**{name: value})
-        for name, value in values.items()
-    }
-    if len(values) > 1:
-        copies["all of these together"] = robot.replace(**values)
-    return copies
 
 
 def between_ends(rides: Sequence[Ride], others: Sequence[Ride]) -> np.ndarray:
