@@ -15,19 +15,8 @@ MODULES = ("sidm.learning", "sidm.systems", "sidm.learning.losses")
 ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 DESK = {"width": 1280, "height": 900}  # size of a window, px
 
-LOADED = {  # tag -> attributes whose addresses a browser fetches by itself
-    "script": ("src",),
-    "img": ("src", "srcset"),
-    "source": ("src", "srcset"),
-    "video": ("src", "poster"),
-    "audio": ("src",),
-    "track": ("src",),
-    "image": ("href",),
-    "link": ("href",),
-    "iframe": ("src",),
-    "embed": ("src",),
-    "object": ("data",),
-}
+#: attributes whose addresses a browser fetches by itself, but that of a link to follow
+LOADED = ("src", "srcset", "poster", "data", "href")
 #: values of `rel` of <link> whose addresses a browser does not fetch
 NOT_FETCHED = {"next", "prev", "canonical", "search", "index", "author"}
 ABROAD = re.compile(r"^\s*(https?:)?//", re.IGNORECASE)
@@ -131,9 +120,8 @@ class Page(HTMLParser):
         self.classes |= classes
         self.names |= {values[key] for key in ("id", "name") if values.get(key)}
         plain = set(values.get("rel", "").lower().split()) & NOT_FETCHED
-        if not (tag == "link" and plain):
-            keys = [key for key in LOADED.get(tag, ()) if values.get(key)]
-            self.loads += [(tag, values[key]) for key in keys]
+        if tag != "a" and not (tag == "link" and plain):
+            self.loads += [(tag, values[key]) for key in LOADED if values.get(key)]
         self._read_style(tag, values.get("style", ""))
         if tag == "a" and "href" in values:
             self.links.append((tag, values["href"]))
