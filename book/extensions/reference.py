@@ -1,8 +1,8 @@
 """Sphinx extension: write the reference, one page for each module.
 
 `autosummary` finds the modules, which book/extending lists, and writes the sources of
-their pages into book/api, which git ignores. With `only` in Sphinx's configuration
-`autosummary_context` it takes these modules alone, as the everyday tests do.
+their pages into book/api, which git ignores. The everyday tests name the modules that
+they want, each with its submodules, as `only` in Sphinx's `autosummary_context`.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def render(output: Path, whole: bool) -> None:
     for name, folder in sphinx["local_extensions"].items():
         sphinx["local_extensions"][name] = str(ROOT / folder)
     if not whole:
-        sphinx["config"]["autosummary_context"] = {"only": sorted(named_modules())}
+        sphinx["config"]["autosummary_context"] = {"only": named_modules()}
     (output / "config.yml").write_text(yaml.safe_dump(config), encoding="utf-8")
     arguments = f"build --warningiserror --keep-going --path-output {output} {ROOT}"
     arguments += f" --config {output / 'config.yml'}"

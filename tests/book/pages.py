@@ -60,16 +60,20 @@ def modules() -> dict[str, Path]:
     return dict(zip(names, files, strict=True))
 
 
-def named_modules() -> set[str]:
-    """The modules that pages name or document by a name of theirs, and their rooms."""
+def named_modules() -> dict[str, list[str]]:
+    """The modules that pages name, or whose names they name, with their packages.
+
+    Each has the names of those directly below it.
+    """
     known, found = modules(), set(MODULES)
     for name in contents():
         for target in ROLE.findall(source(name)):
-            found.add(
-                max((m for m in known if f"{target}.".startswith(f"{m}.")), key=len)
-            )
+            rooms = [one for one in known if f"{target}.".startswith(f"{one}.")]
+            found.add(max(rooms, key=len))
     parts = [name.split(".") for name in found]
-    return {".".join(words[: n + 1]) for words in parts for n in range(len(words))}
+    chosen = {".".join(words[: n + 1]) for words in parts for n in range(len(words))}
+    split = sorted(name.rpartition(".") for name in chosen)
+    return {one: [name for room, _, name in split if room == one] for one in chosen}
 
 
 def watched(page: Any) -> list[str]:
