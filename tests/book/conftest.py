@@ -2,8 +2,6 @@
 
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +9,7 @@ import yaml
 from browser import chromium
 from IPython.core.interactiveshell import InteractiveShell
 from pages import DESK, ROOT, named_modules
-from places import copy_tree, one_at_a_time, shared_by_workers
+from places import copy_tree, one_at_a_time, run_python, shared_by_workers
 from playwright.sync_api import sync_playwright
 
 from companion import all_datasets, collect_motion, load_preset
@@ -59,11 +57,7 @@ def render(output: Path, whole: bool) -> None:
     arguments = f"build --warningiserror --keep-going --path-output {output} {ROOT}"
     arguments += f" --config {output / 'config.yml'}"
     program = "import sys; from jupyter_book.cli.main import main; sys.exit(main())"
-    result = subprocess.run(
-        [sys.executable, "-c", program, *arguments.split()],
-        capture_output=True,
-        text=True,
-    )
+    result = run_python("-c", program, *arguments.split())
     if result.returncode != 0:
         shutil.rmtree(output, ignore_errors=True)
         said = result.stdout + result.stderr

@@ -4,14 +4,12 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import nbformat
 import pytest
 from pages import ROOT
-from places import copy_tree
+from places import copy_tree, run_python
 
 from companion import Results, Study, run
 from companion.__main__ import main
@@ -102,13 +100,8 @@ def test_the_page_on_extending_works_to_the_letter(project, tmp_path):
     commands.append(commands[2])  # again, after all trials were run
 
     def said(command):
-        done = subprocess.run(
-            [sys.executable, "-m", *shlex.split(command)],
-            cwd=copy,
-            env=os.environ | {"PYTHONPATH": str(copy)},
-            capture_output=True,
-            text=True,
-        )
+        environment = os.environ | {"PYTHONPATH": str(copy)}
+        done = run_python("-m", *shlex.split(command), cwd=copy, env=environment)
         assert done.returncode == 0, f"{command}\n{done.stderr[-2000:]}"
         return done.stdout
 
