@@ -223,8 +223,8 @@ def long_numbers(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
     tuned = frame[(frame.recipe == "T") & (frame.system == "system1")]
     losses = verdicts.losses_by(tuned, END)
     for minutes in SMALL:
-        _, *ends = verdicts.loss_ratio(losses, minutes)
-        yield f"tuned-loss-{minutes:g}", _text(DataRatio(*ends), 3)
+        _, value, low, high = verdicts.loss_ratio(losses, minutes)
+        yield f"tuned-loss-{minutes:g}", _text(DataRatio(value, low, high), 3)
     _, finetuned = verdicts.ratio_of_data(losses, FINETUNING)
     yield "finetuned-saving", _text(finetuned, 3)
     judged = verdicts.verdicts(frame).query("verdict == 'T2' and system == 'system1'")
