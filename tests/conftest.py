@@ -90,7 +90,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     builder = max(with_book, default=None)
 
     def place(item: pytest.Item) -> int:
-        if item.path.stem in ("test_readme", "test_crash", "test_cluster"):
+        if item.path.stem in ("test_shown_commands", "test_crash", "test_cluster"):
             return 0
         if item.path == builder:
             return 1

@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[1]
 WARTHOG = ROOT / "recordings" / "warthog.csv.gz"
 SKID = ROOT / "recordings" / "skid_steer.yaml"
 QUICK = {"method": "least_squares"}
+PLANER = {"pose": "planer", "actions": {"u": "1"}}
 
 
 @pytest.fixture(scope="module")
@@ -79,33 +80,24 @@ def test_paths_may_stand_for_drives(form):
 
 def test_a_table_may_stand_for_drives(tmp_path):
     """A table is read as a file with the same columns."""
-    body = sidm.Body(
-        name="cart",
-        pose="planar",
-        columns=(("speed", "m/s"),),
-        actions=(("throttle", "1"),),
-    )
+    columns, actions = (("speed", "m/s"),), (("throttle", "1"),)
+    body = sidm.Body(name="cart", pose="planar", columns=columns, actions=actions)
     time = np.arange(41) / 10
-    parts = []
-    for number in range(3):
-        speed = 1 + 0.1 * np.sin(time + number)
-        table = {
-            "time": time,
-            "x": np.sin(time),
-            "y": 1 - np.cos(time),
-            "yaw": time,
-            "drive": number,
-        }
-        parts.append(pd.DataFrame(table | {"speed": speed, "throttle": speed / 2}))
+    circle = pd.DataFrame(
+        {"time": time, "x": np.sin(time), "y": 1 - np.cos(time), "yaw": time}
+    )
+    speeds = [1 + 0.1 * np.sin(time + number) for number in range(3)]
+    parts = [
+        circle.assign(drive=number, speed=speed, throttle=speed / 2)
+        for number, speed in enumerate(speeds)
+    ]
     recorded = drives_from(pd.concat(parts), body, "novice")
     write_drives(tmp_path / "same.csv", recorded, "a test")
-    for drive, same in zip(
-        recorded, ownrobot.read_drives(tmp_path / "same.csv", body), strict=True
-    ):
+    read = ownrobot.read_drives(tmp_path / "same.csv", body)
+    for drive, same, speed in zip(recorded, read, speeds, strict=True):
         assert np.allclose(drive.states, same.states, atol=1e-4)
         assert np.allclose(drive.actions, same.actions, atol=1e-4)
-    assert len(recorded) == 3
-    assert np.allclose(recorded[1].states[:, 3], 1 + 0.1 * np.sin(time + 1))
+        assert np.allclose(drive.states[:, 3], speed)
 
 
 def test_a_body_may_be_a_mapping(drives):
@@ -121,33 +113,16 @@ def test_a_body_may_be_a_mapping(drives):
 @pytest.mark.parametrize(
     "wrong, error, words",
     [
-        (
-            {"novice": "drivse/", "body": SKID},
-            RecordingError,
-            "drivse: there is no such file",
-        ),
+        ({"novice": "drivse/", "body": SKID}, RecordingError, "there is no such file"),
         ({"novice": 3}, TypeError, "novice must be drives, .* not int"),
-        (
-            {"novice": np.zeros((3, 4))},
-            TypeError,
-            "novice must be drives, .* not ndarray",
-        ),
         ({"novice": [np.zeros(3)]}, TypeError, "novice must be drives, .* not list"),
         (
             {"novice": pd.DataFrame({"time": [0.0]}), "body": SKID},
             RecordingError,
             "the table has no column 'x'",
         ),
-        (
-            {"body": 3},
-            TypeError,
-            "a body is a sidm.Body, a YAML file or a mapping, not int",
-        ),
-        (
-            {"body": {"pose": "planer", "actions": {"u": "1"}}},
-            ConfigError,
-            "did you mean 'planar'",
-        ),
+        ({"body": 3}, TypeError, "a body is a sidm.Body, .* not int"),
+        ({"body": PLANER}, ConfigError, "did you mean 'planar'"),
         ({"settings": {"hiden": 3}}, ConfigError, "did you mean 'hidden'"),
         ({"method": "sdim"}, ConfigError, "did you mean 'sidm'"),
     ],
@@ -207,28 +182,21 @@ def test_a_drive_has_its_bodys_shape():
         sidm.Drive(np.zeros((5, 13)), np.zeros((5, 2)))
 
 
+TWO_ROBOTS = ["--minutes", "1", "--expert-minutes", "1"]
+
+
 @pytest.mark.more
 @pytest.mark.parametrize(
     "script, words, said",
     [
-        (
-            "two_robots.py",
-            ["--minutes", "1", "--expert-minutes", "1", "--samples", "4000"],
-            "SIDM: loss on unseen",
-        ),
-        (
-            "own_robot.py",
-            [str(WARTHOG), "--body", str(SKID), "--samples", "4000"],
-            "least_squares",
-        ),
+        ("two_robots.py", TWO_ROBOTS, "SIDM: loss on unseen"),
+        ("own_robot.py", [str(WARTHOG), "--body", str(SKID)], "least_squares"),
     ],
 )
 def test_an_example_runs_in_an_empty_folder(script, words, said, tmp_path):
+    program = [sys.executable, str(ROOT / "examples" / script), "--samples", "4000"]
     result = subprocess.run(
-        [sys.executable, str(ROOT / "examples" / script), *words],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
+        [*program, *words], cwd=tmp_path, capture_output=True, text=True
     )
     assert result.returncode == 0 and said in result.stdout, result.stderr
     assert list(tmp_path.rglob("model.safetensors"))

@@ -167,13 +167,18 @@ def test_what_does_not_learn_does_without_torch():
     ] == []
 
 
+def printed(code: str) -> str:
+    """What a new process prints that runs some code."""
+    words = [sys.executable, "-c", code]
+    result = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    return result.stdout.strip()
+
+
 def test_a_trial_of_the_benchmark_starts_without_tables_and_figures():
     code = "import sys, companion.tasks.trial as _; "
     code += "print({'pandas', 'matplotlib'} & {*sys.modules})"
-    result = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
-    )
-    assert result.stdout.strip() == "set()", result.stderr
+    assert printed(code) == "set()"
 
 
 def test_every_name_of_the_companion_is_there():
@@ -185,21 +190,10 @@ assert not set(companion.__all__) - set(dir(companion))
 values = {name: getattr(companion, name) for name in companion.__all__}
 print([name for name in values if isinstance(values[name], types.ModuleType)])
 """
-    result = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True
-    )
-    assert result.stdout.strip() == "[]", result.stderr
+    assert printed(code) == "[]"
 
 
-@pytest.mark.parametrize(
-    "name", ["sidm", "sidm.learning", "ownrobot", "companion.engine.run"]
-)
+@pytest.mark.parametrize("name", ["sidm.learning", "ownrobot", "companion.engine.run"])
 def test_imports_without_pybullet(name):
     block = "; ".join(f"sys.modules[{module!r}] = None" for module in sorted(PYBULLET))
-    result = subprocess.run(
-        [sys.executable, "-c", f"import sys; {block}; import {name}"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-    )
-    assert result.returncode == 0, result.stderr
+    printed(f"import sys; {block}; import {name}")

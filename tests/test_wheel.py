@@ -27,18 +27,14 @@ def needed(names: set[str]) -> set[str]:
     waiting = [name.lower() for name in names]
     while waiting:
         name = waiting.pop()
-        if name in found:
-            continue
         try:
-            wanted = importlib.metadata.requires(name) or []
+            lines = importlib.metadata.requires(name) or []
         except importlib.metadata.PackageNotFoundError:
             continue  # a requirement of another operating system
+        if name not in found:
+            plain = [line for line in lines if not EXTRA.search(line)]
+            waiting += [re.match(r"[\w.-]+", line)[0].lower() for line in plain]
         found.add(name)
-        waiting += [
-            re.match(r"[\w.-]+", line)[0].lower()
-            for line in wanted
-            if not EXTRA.search(line)
-        ]  # type: ignore
     return found
 
 
@@ -54,13 +50,9 @@ def wheel(tmp_path_factory) -> Path:
         )
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder / "source")
-    arguments = (
-        f"-m pip wheel --no-deps --no-build-isolation --quiet -w {folder} "
-        f"{folder / 'source'}"
-    ).split()
-    result = subprocess.run(
-        [sys.executable, *arguments], capture_output=True, text=True
-    )
+    pip = f"-m pip wheel --no-deps --no-build-isolation --quiet -w {folder}".split()
+    words = [sys.executable, *pip, str(folder / "source")]
+    result = subprocess.run(words, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     return next(folder.glob("sidm-*.whl"))
 
@@ -109,30 +101,20 @@ print(ownrobot.load("m"))
 assert not {"matplotlib", "pybullet", "numba", "companion"} & set(sys.modules)
 """
     result = run(least, tmp_path, "-c", code, str(WARTHOG), str(SKID))
-    assert result.returncode == 0 and result.stdout.startswith("Model('novice_only'"), (
-        result.stderr
-    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.startswith("Model('novice_only'")
 
 
 def test_the_commands_work_there_or_say_what_they_lack(least, tmp_path):
-    result = run(least, tmp_path, "-m", "ownrobot", "demo")
-    assert (
-        result.returncode == 0 and (tmp_path / "ownrobot-demo" / "replay.html").exists()
-    ), result.stderr
-    result = run(
-        least,
-        tmp_path,
-        "-m",
-        "ownrobot",
-        "evaluate",
-        "ownrobot-demo/model",
-        str(WARTHOG),
-    )
-    assert result.returncode == 0
-    assert "yaw_rate" in result.stdout
+    command = "-m", "ownrobot"
+    result = run(least, tmp_path, *command, "demo")
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / "ownrobot-demo" / "replay.html").exists()
+    model = "ownrobot-demo/model"
+    result = run(least, tmp_path, *command, "evaluate", model, str(WARTHOG))
+    assert result.returncode == 0 and "yaw_rate" in result.stdout
     assert "pip install 'sidm[plots]'" in result.stderr
-    result = run(
-        least, tmp_path, "-c", "import sidm; sidm.simulate('system1', 'novice', 0.2)"
-    )
+    code = "import sidm; sidm.simulate('system1', 'novice', 0.2)"
+    result = run(least, tmp_path, "-c", code)
     assert result.returncode == 1
     assert "simulating needs PyBullet: pip install" in result.stderr.splitlines()[-1]

@@ -1,7 +1,8 @@
 """Sphinx extension: write the reference, one page for each module.
 
 `autosummary` finds the modules, which book/extending lists, and writes the sources of
-their pages into book/api, which git ignores.
+their pages into book/api, which git ignores. The everyday tests name the modules that
+they want, each with its submodules, as `only` in Sphinx's `autosummary_context`.
 """
 
 from __future__ import annotations
@@ -42,12 +43,13 @@ def write_sources(app: Sphinx) -> None:
     `autosummary` alone would look for modules only in changed sources. Once a module is
     gone, all sources are deleted first.
     """
-    modules = {
+    packages = (sidm, ownrobot, companion)
+    modules = {package.__name__ for package in packages} | {
         module.name
-        for package in (sidm, ownrobot, companion)
+        for package in packages
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     }
-    modules |= {"sidm", "ownrobot", "companion"}
+    modules.intersection_update(app.config.autosummary_context.get("only", modules))
     sources = list((Path(app.srcdir) / PAGES).glob("*.rst"))
     if not modules.issuperset(path.stem for path in sources):
         while sources:  # the sources of other modules may name the one that is gone

@@ -52,61 +52,43 @@ COLUMNS += [f"{size:g} min" for size in SIZES]
 
 
 def table(store: Results, data: str | Path = "data") -> pd.DataFrame:
-    """A row for each settings, stopping rule and pair of robots; a column a size."""
+    """A row for each settings, stopping rule and pair of robots; a column a size.
+
+    Rows of the decisive experiment are of what has been run.
+    """
     study = Study(PRESET, data, store.folder)
     hours = f"{study.preset.expert_minutes / 60:g}"
-    rows = [
-        {"Settings": settings, "Stopped by": OWN, "Expert (h)": hours}
-        | _pair_and_sizes(system, texts)
-        for settings, ratios in _stopped_early(study, store)
-        for system, texts in _texts(ratios)
-    ]
-    return pd.DataFrame([*rows, *_decisive(study, store)], columns=COLUMNS)
-
-
-def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Settings in words and their savings, of trainings that stop early."""
-    figure3 = store.frame(
-        [t for system in PAPER_SYSTEMS for t in study.figure3(system)]
-    )
-    yield QUICK, savings.savings(figure3)
-    little = tuning.little_data_results(study, store, PAPER_SYSTEMS)
-    both = pd.concat([little, tuning.best_novice_only(figure3, little)])
-    yield (
-        f"{QUICK}, tuned for little data",
-        savings.savings(both, ["sidm" + FOR_LITTLE]),
-    )
-    free = [t for s in PAPER_SYSTEMS for t in study.free_struts(s + FREE_STRUTS)]
-    yield QUICK, savings.savings(store.frame(free))
-
-
-def _texts(ratios: pd.DataFrame) -> Iterator[tuple[str, dict[float, str]]]:
-    """System and its savings as texts by size."""
-    ratios = ratios.assign(text=savings.ratio_texts(ratios))
-    for system, rows in ratios.groupby("system", sort=False):
-        yield str(system), dict(zip(rows.novice_minutes, rows.text, strict=True))
-
-
-def _pair_and_sizes(system: str, texts: dict[float, str]) -> dict[str, str]:
-    """The columns that name the robots, and those of the sizes."""
-    return {"Pair": system_label(system)} | {
-        f"{size:g} min": texts.get(size, "-") for size in SIZES
-    }
-
-
-def _decisive(study: Study, store: Results) -> Iterator[dict[str, str]]:
-    """The rows of the decisive experiment, of what has been run."""
+    rows: list[tuple] = []
+    for settings, ratios in _stopped_early(study, store):
+        ratios = ratios.assign(text=savings.ratio_texts(ratios))
+        for system, found in ratios.groupby("system", sort=False):
+            by_size = found.set_index("novice_minutes").text
+            texts = [by_size.get(size, "-") for size in SIZES]
+            rows.append((settings, OWN, hours, system_label(str(system)), *texts))
     frame = verdicts.results(study, store)
     hours = f"{on_fresh_motion(study).preset.expert_minutes / 60:.0f}"
     for (recipe, rival, rules), settings in SETTINGS.items():
         for rule, system in itertools.product(rules, PAPER_SYSTEMS):
-            texts = {}
-            for size in SIZES:
-                ratio = verdicts.sidm_saving(frame, recipe, system, rule, size, rival)
-                texts[size] = ratio.text(2)
-            if set(texts.values()) != {NO_VALUE}:
-                about = {"Settings": settings, "Stopped by": rule}
-                yield about | {"Expert (h)": hours} | _pair_and_sizes(system, texts)
+            texts = [
+                verdicts.sidm_saving(frame, recipe, system, rule, size, rival).text(2)
+                for size in SIZES
+            ]
+            if set(texts) != {NO_VALUE}:
+                rows.append((settings, rule, hours, system_label(system), *texts))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Settings in words and their savings, of trainings that stop early."""
+    trials = [t for system in PAPER_SYSTEMS for t in study.figure3(system)]
+    figure3 = store.frame(trials)
+    yield QUICK, savings.savings(figure3)
+    little = tuning.little_data_results(study, store, PAPER_SYSTEMS)
+    both = pd.concat([little, tuning.best_novice_only(figure3, little)])
+    tuned = savings.savings(both, ["sidm" + FOR_LITTLE])
+    yield f"{QUICK}, tuned for little data", tuned
+    free = [t for s in PAPER_SYSTEMS for t in study.free_struts(s + FREE_STRUTS)]
+    yield QUICK, savings.savings(store.frame(free))
 
 
 def figure(decisive: pd.DataFrame, quick: pd.DataFrame) -> Figure:

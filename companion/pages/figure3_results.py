@@ -10,28 +10,54 @@ import pandas as pd
 from IPython.display import HTML
 
 from companion.engine.store import Results
-from companion.figures.style import html_plots
+from companion.figures.style import METHOD_STYLES, html_plots, system_label
 from companion.methods import FIGURE3, FOR_LITTLE
-from companion.pages import all_savings, decisive_numbers, readings
+from companion.pages import all_savings, readings
 from companion.pages.markdown import known_text, provenance_html, table_html
 from companion.pages.page import Page
 from companion.statistics import claims, coverage
-from companion.statistics.savings import savings, texts_at
+from companion.statistics.efficiency import NO_VALUE, DataRatio
+from companion.statistics.savings import ratio_texts, savings, texts_at
+from companion.statistics.tables import loss_summary, wide
 from companion.studies import tuning
 from companion.studies.decisive import (
+    along,
     search,
     stopping_charts,
     stopping_point,
     verdicts,
 )
-from companion.studies.decisive.along import along_training
+from companion.studies.decisive.arms import FINETUNING
 from companion.studies.decisive.figures import by_length
-from companion.studies.decisive.verdicts import AT
+from companion.studies.decisive.verdicts import AT, END, RELEASED, SMALL
 from companion.study import Study
 from companion.trials import Trial
 from sidm.systems import FREE_STRUTS, FREE_SYSTEMS, PAPER_SYSTEMS
 
 TUNED, CLOSED_FORM = FIGURE3[-1], "least_squares"
+POINT = ["system", "novice_minutes", "method"]
+#: Name -> recipe, pair of robots, stopping rule and min of novice data of an SIDM, and
+#: the recipe of its rival where it is another one.
+SAVINGS: dict[str, tuple] = {
+    "released-saving": ("R", "system1", RELEASED, AT),
+    "released-saving-2": ("R", "system2", RELEASED, AT),
+    "end-saving": ("R", "system1", END, AT),
+    "end-saving-2": ("R", "system2", END, AT),
+    "one-saving": ("R", "system1", RELEASED, 1.0),
+    "one-saving-2": ("R", "system2", RELEASED, 1.0),
+    "tuned-saving": ("T", "system1", END, AT),
+    "tuned-released": ("T", "system1", RELEASED, AT),
+    "tuned-early": ("T", "system1", "patience", AT),
+    "tuned-one": ("T", "system1", END, 1.0),
+    "mixed-saving": ("R", "system1", END, AT, "T"),
+}
+#: Name -> pair of robots and min of training alone at which each seed has the loss of
+#: the best, since our cap ended it.
+CAPPED = {
+    "capped-60": ("system1", (60.0, 120.0)),
+    "capped-20": ("system1", (20.0, 60.0, 120.0)),
+    "capped-2": ("system2", (20.0, 60.0, 120.0)),
+}
 #: the movable stopping point in words
 STOPPING = (
     "Data ratio and loss ratio of an SIDM with 5 minutes against samples seen. With "
@@ -43,13 +69,9 @@ STOPPING = (
 
 
 class Figure3:
-    """Results of recipe Q by a preset, and of recipes R and T.
+    """Results of recipe Q by the preset of a `study`, and of recipes R and T.
 
     R and T have one preset, `study`, and motion of their own.
-
-    Args:
-        study: preset, data and results of recipe Q.
-        systems: the pairs of robots.
     """
 
     def __init__(self, study: Study, systems: Sequence[str]) -> None:
@@ -99,7 +121,7 @@ class Figure3:
     @functools.cached_property
     def along(self) -> pd.DataFrame:
         """What an SIDM saves along the training of recipes R and T."""
-        return along_training(self.long_trained)
+        return along.along_training(self.long_trained)
 
     @functools.cached_property
     def saved(self) -> pd.DataFrame:
@@ -114,14 +136,24 @@ class Figure3:
     ) -> str:
         """The movable stopping point of recipes R and T, as HTML.
 
-        Args:
-            systems: of the picture that is shown where there is no script.
-            names: the charts, as in `stopping_charts.html`.
+        Where there is no script, a picture of the `systems` is shown; `names` are the
+        charts, as in `stopping_charts.html`.
         """
         trained = self.searched[self.searched.method != CLOSED_FORM]
         numbers = stopping_point.contents(self.long_trained, trained, self.along)
         still = by_length(self.along, systems)
         return stopping_charts.html(numbers, still, STOPPING, names)
+
+    def losses_table(self) -> pd.DataFrame:
+        """All losses of recipe Q as texts, mean (smallest, largest), for a page."""
+        means = loss_summary(self.all_quick, POINT)
+        columns = means[["mean", "minimum", "maximum"]].itertuples(index=False)
+        texts = ["{:.3f} ({:.2f}, {:.2f})".format(*line) for line in columns]
+        return _by_method(means.assign(text=texts))
+
+    def savings_table(self) -> pd.DataFrame:
+        """All data that methods save with recipe Q as texts, for a page."""
+        return _by_method(self.saved.assign(text=ratio_texts(self.saved)))
 
     def saving(self, method: str, minutes: float, system: str) -> str:
         """The data that a method saves with recipe Q, with its interval."""
@@ -137,18 +169,6 @@ class Figure3:
             free = system + FREE_STRUTS
             yield f"{name}-free-squares", self.saving(CLOSED_FORM, 1, free)
             yield f"{name}-free-tuned", self.saving(TUNED, 1, free)
-
-    def _long_numbers(self) -> Iterator[tuple[str, str]]:
-        yield from decisive_numbers.texts(self.long_trained).items()
-        units = self.store.frame(search.compare_units(self.long), curves=True)
-        yield from decisive_numbers.unit_texts(units).items()
-        few = self.long_trained.query("system == 'system1' and novice_minutes == @AT")
-        for method in ("sidm", TUNED):
-            chosen = few[(few.recipe == "T") & (few.method == method)]
-            yield (
-                f"loss-T-{method}",
-                known_text("{:.2f}", chosen.validation_loss.mean()),
-            )
 
     def kept(self, page: Page) -> Iterator[tuple[str, Any]]:
         """Name and value of what other pages show; a table follows its numbers."""
@@ -178,5 +198,65 @@ class Figure3:
         yield "all-savings", table(saved, drawn, quick, *others, long)
         yield "coverage", HTML(table_html(coverage.page_table()))
         yield "estimators", HTML(table_html(coverage.estimators_page_table()))
-        yield from self._long_numbers()
+        yield from long_numbers(self.long_trained)
+        units = self.store.frame(search.compare_units(self.long), curves=True)
+        yield from unit_numbers(units)
+        few = self.long_trained.query("system == 'system1' and novice_minutes == @AT")
+        for method in ("sidm", TUNED):
+            chosen = few[(few.recipe == "T") & (few.method == method)]
+            loss = known_text("{:.2f}", chosen.validation_loss.mean())
+            yield f"loss-T-{method}", loss
         yield "decisive", table(judged, self.long_trained, long)
+
+
+def long_numbers(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
+    """Numbers of recipes R and T by name; 'not run' where trainings lack.
+
+    Data ratios with their intervals, ratios of losses and a p-value.
+    """
+    ratios = {
+        name: verdicts.sidm_saving(frame, *where) for name, where in SAVINGS.items()
+    }
+    for name, (system, sizes) in CAPPED.items():
+        ratios[name] = along.ratio_at_best(frame, system, sizes)
+    yield from ((name, _text(ratio, 2)) for name, ratio in ratios.items())
+    tuned = frame[(frame.recipe == "T") & (frame.system == "system1")]
+    losses = verdicts.losses_by(tuned, END)
+    for minutes in SMALL:
+        _, value, low, high = verdicts.loss_ratio(losses, minutes)
+        yield f"tuned-loss-{minutes:g}", _text(DataRatio(value, low, high), 3)
+    _, finetuned = verdicts.ratio_of_data(losses, FINETUNING)
+    yield "finetuned-saving", _text(finetuned, 3)
+    judged = verdicts.verdicts(frame).query("verdict == 'T2' and system == 'system1'")
+    p = judged[judged.method == "sidm"].corrected.min()
+    yield "tuned-p", known_text("{:.2f}", p)
+
+
+def unit_numbers(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
+    """Losses with standardised units over those with raw ones, seed by seed."""
+    for method, name in (("sidm", "units-sidm"), ("novice_only", "units-alone")):
+        trained = frame[frame.method == method].set_index("seed")
+        raw, standardised = (
+            trained[trained.units == kind].validation_loss
+            for kind in ("raw", "standardised")
+        )
+        ratios = (standardised / raw).dropna()
+        yield name, " and ".join(f"{ratio:.2f}" for ratio in ratios) or "not run"
+
+
+def _text(ratio: DataRatio, digits: int) -> str:
+    return ratio.text(digits).replace(NO_VALUE, "not run")
+
+
+def _by_method(table: pd.DataFrame) -> pd.DataFrame:
+    """A table's `text` by pair and size, a column a method, both in their order."""
+    place = {name: number for number, name in enumerate(METHOD_STYLES)}
+    ordered = table.sort_values(
+        POINT, key=lambda column: column.map(lambda value: place.get(value, value))
+    )
+    shown = ordered.assign(
+        method=ordered.method.map(lambda name: METHOD_STYLES[name]["label"]),
+        pair=ordered.system.map(system_label),
+    )
+    shown = shown.rename(columns={"novice_minutes": "novice data (min)"})
+    return wide(shown, ["pair", "novice data (min)"], "method", "text")

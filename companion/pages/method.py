@@ -120,11 +120,7 @@ def circle(heights: np.ndarray) -> Tensor:
 def map_figure(pair: System, terrain_seed: int, step: int, pixels: int) -> Figure:
     """A drive in a circle from above, and what the network sees at one of its steps.
 
-    Args:
-        pair: whose ground it is.
-        terrain_seed: of the ground.
-        step: of the drive.
-        pixels: along a side of the height map.
+    `pixels` are along a side of the height map.
     """
     heights = generate_terrain(pair.terrain, terrain_seed)
     states = circle(heights)

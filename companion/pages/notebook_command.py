@@ -1,17 +1,42 @@
-"""The command `companion notebook`: runs of notebooks with checked parameters."""
+"""The command `companion notebook`: papermill with checked parameters.
+
+Several notebooks run side by side, each with its own kernel.
+"""
 
 from __future__ import annotations
 
 import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from companion.pages.notebook import find_notebook, notebooks, project_root
-from companion.pages.notebook_runs import Run, execute
 from companion.pages.parameters import Parameter, inspect, merge_parameters, read_value
 from sidm.config import ConfigError
+from sidm.pool import as_completed, local_pool
+from sidm.progress import progress_bar
 
 DEFAULT_OUTPUT = Path("_build/runs")  # folder of executed copies without an `output`
+#: Without it the kernel would warn that it listens on local ports.
+KERNEL_ARGUMENTS = ["--log-level=ERROR"]
+START_ATTEMPTS = 3  # to start a kernel: another one may take its port
+OUTPUT_TIMEOUT = 60  # s after the end of a cell, for its outputs to arrive
+
+
+class NotebookError(RuntimeError):
+    """A notebook failed; the message is one line with the cell and its error."""
+
+
+class Run(NamedTuple):
+    """One notebook to execute."""
+
+    path: Path
+    #: path of the executed copy; None to refresh the notebook itself
+    output: Path | None = None
+    values: Mapping[str, Any] = {}  # checked parameters
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,31 +88,34 @@ def run_from_arguments(arguments: argparse.Namespace) -> int:
     """
     is_all = arguments.notebook == "all"
     paths = notebooks() if is_all else [find_notebook(arguments.notebook)]
-    _refuse(arguments)
-    if arguments.list:
-        for path in paths:
-            _show(path)
-    else:
-        # Check the parameters of all notebooks before the first one runs.
-        runs = [_run_of(path, arguments) for path in paths]
-        execute(runs, project_root(), arguments.jobs)
-    return 0
-
-
-def _refuse(arguments: argparse.Namespace) -> None:
-    changes = arguments.output or arguments.parameter or arguments.file
-    if arguments.in_place and changes:
+    if arguments.in_place and (
+        arguments.output or arguments.parameter or arguments.file
+    ):
         raise ConfigError(
             "--in-place refreshes a notebook by its defaults: "
             "give it no output and no parameters"
         )
-    if arguments.notebook == "all" and arguments.parameter:
+    if is_all and arguments.parameter:
         raise ConfigError(
             "-p is for one notebook: name the notebook, "
             "or put the parameter into a file for -f"
         )
     if arguments.jobs is not None and arguments.jobs < 1:
         raise ConfigError(f"--jobs must be at least 1, not {arguments.jobs}")
+    if arguments.list:
+        for path in paths:
+            _show(path)
+    else:
+        # Check the parameters of all notebooks before the first one runs.
+        execute([_run_of(path, arguments) for path in paths], arguments.jobs)
+    return 0
+
+
+def _show(path: Path) -> None:
+    """Print a notebook's parameters."""
+    print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+    for name, annotation, default, help in inspect(path).values():
+        print(f"  {name}: {annotation} = {default}  # {help}")
 
 
 def _run_of(path: Path, arguments: argparse.Namespace) -> Run:
@@ -101,19 +129,14 @@ def _run_of(path: Path, arguments: argparse.Namespace) -> Run:
     values, output = merge_parameters(path, given, arguments.file), arguments.output
     if not arguments.in_place and (arguments.notebook == "all" or not output):
         output = (output or DEFAULT_OUTPUT) / path.name
-    if output:
-        _refuse_notebook(output)
+    if output and output.exists():
+        for original in notebooks():
+            if original.samefile(output):  # by whatever name
+                raise ConfigError(
+                    f"{output} is the notebook {original.name} itself: name another "
+                    "file; --in-place refreshes a notebook by its defaults"
+                )
     return Run(path, output, values)
-
-
-def _refuse_notebook(output: Path) -> None:
-    """Refuse to write a run over a notebook of the project, by whatever name."""
-    for path in notebooks():
-        if output.exists() and path.samefile(output):
-            raise ConfigError(
-                f"{output} is the notebook {path.name} itself: name another file; "
-                "--in-place refreshes a notebook by its defaults"
-            )
 
 
 def _from_here(value: Any, parameter: Parameter) -> Any:
@@ -130,8 +153,103 @@ def _from_here(value: Any, parameter: Parameter) -> Any:
     return str(path) if is_folder or is_file else value
 
 
-def _show(path: Path) -> None:
-    print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
-    for name, parameter in inspect(path).items():
-        declaration = f"{name}: {parameter.kind_text} = {parameter.default}"
-        print(f"  {declaration}  # {parameter.help}")
+def execute(runs: Sequence[Run], jobs: int | None = None) -> None:
+    """Execute notebooks in parallel, in the project's folder.
+
+    Notebooks that run missing trials run one after the other, because they use each
+    other's trials. When a notebook fails, its copy keeps the outputs up to the error; a
+    notebook that was to be refreshed stays as it was; the other kernels end, and
+    NotebookError is raised. `jobs` is the number of kernels at a time, of one thread
+    each if there are several; by default the number of cores.
+    """
+    dependent = [run for run in runs if run.values.get("run_missing")]
+    queues = [dependent] if dependent else []
+    queues += [[run] for run in runs if run not in dependent]
+    jobs = min(jobs or _cores(), len(queues))
+    several = len(runs) > 1
+    with (
+        progress_bar(len(runs), "notebooks", "notebook", several) as bar,
+        local_pool(jobs) as pool,
+    ):
+        work = (project_root(), jobs > 1, not several and sys.stderr.isatty())
+        futures = [pool.submit(_execute_queue, queue, *work) for queue in queues]
+        for done in as_completed(futures):
+            for path in done.result():
+                bar.write(str(path), file=sys.stdout)
+                bar.update()
+
+
+def _cores() -> int:
+    """The number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _execute_queue(
+    queue: Sequence[Run], root: Path, one_thread: bool, progress: bool
+) -> list[Path]:
+    """Execute notebooks one after the other; returns what was written."""
+    if one_thread:
+        os.environ.setdefault("OMP_NUM_THREADS", "1")  # which the kernel inherits
+    for run in queue:
+        with tempfile.TemporaryDirectory() as folder:
+            copy = run.output or Path(folder) / run.path.name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            if fault := _execute(run, copy, root, progress):
+                kept = "the notebook is unchanged"
+                if run.output:
+                    kept = f"the run up to there is {run.output}"
+                raise NotebookError(f"{run.path}: {fault}; {kept}")
+            if not run.output:
+                _refresh(run.path, copy)
+    return [run.output or run.path for run in queue]
+
+
+def _execute(run: Run, copy: Path, root: Path, progress: bool) -> str:
+    """Execute a notebook into a copy; returns what went wrong, '' if nothing did."""
+    from nbclient.exceptions import DeadKernelError
+    from papermill import execute_notebook
+    from papermill.exceptions import PapermillExecutionError
+
+    fault = ""
+    for _ in range(START_ATTEMPTS):
+        try:
+            execute_notebook(
+                str(run.path.resolve()),
+                str(copy.resolve()),
+                dict(run.values) or None,
+                cwd=str(root),
+                progress_bar=progress,
+                iopub_timeout=OUTPUT_TIMEOUT,
+                raise_on_iopub_timeout=True,
+                record_timing=False,
+                extra_arguments=KERNEL_ARGUMENTS,
+            )
+            return ""
+        except PapermillExecutionError as error:
+            text = (str(error.evalue).splitlines() or [""])[0]
+            return f"cell {error.exec_count} failed, {error.ename}: {text}"
+        except DeadKernelError:
+            return "its kernel died (out of memory?)"
+        except RuntimeError as error:
+            fault = f"its kernel did not start, {error}"
+    return fault
+
+
+def _refresh(path: Path, copy: Path) -> None:
+    """Write an executed copy over a notebook, without what differs in each run.
+
+    That is papermill's metadata and live widgets; the static output beside a widget
+    stays.
+    """
+    import nbformat
+
+    notebook = nbformat.read(copy, as_version=4)
+    for part in (notebook, *notebook.cells):
+        part.metadata.pop("papermill", None)
+    notebook.metadata.pop("widgets", None)
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
+    nbformat.write(notebook, path)

@@ -17,10 +17,13 @@ from IPython.display import Markdown, display
 from companion.grids import find_figure
 from companion.pages.markdown import made_here
 from companion.pages.notebook import enter_project, find_notebook, project_root
-from companion.pages.parameters import check, inspect, refuse_out_of_range
+from companion.pages.parameters import inspect, refuse_out_of_range
+from sidm.config import conform
 
 #: `{name}` in the text of a page, or such braces in an equation, a role, a directive.
 _NUMBER = re.compile(r"(?<![\w$\\}^])(`?)\{([\w.:-]+)\}(`?)")
+#: a command in a line of provenance
+_AGAIN = re.compile(r"again: (?:`|<code>)(.*?)(?:`|</code>)")
 #: Parameters that decide where and how a page works, not what it shows.
 _HOW = ("run_missing", "workers", "data")
 #: prefix of the MIME types of an output that the notebook itself does not show
@@ -40,16 +43,27 @@ def glue(name: str, value: Any) -> None:
     )
 
 
-def glued(notebook: Path, name: str) -> str:
-    """The text that a stored notebook glued under a name; else ValueError."""
-    for output in outputs(notebook):
+def glued(notebook: Path, name: str) -> tuple[str, str]:
+    """The text that a stored notebook glued under a name, and what makes it again.
+
+    That is the last command in the next line of provenance, '' where none follows.
+    ValueError says that the notebook has no such name.
+    """
+    text = None
+    for output in _outputs(notebook):
+        data = output.get("data", {})
         if output.get("metadata", {}).get("scrapbook", {}).get("name") == name:
-            return "".join(output["data"][f"{HIDDEN}text/plain"]).strip("'")
-    raise ValueError(f"{notebook.name} glues no '{name}'")
+            text = "".join(data[f"{HIDDEN}text/plain"]).strip("'")
+        commands = _AGAIN.findall(json.dumps(data))
+        if text is not None and commands:
+            return text, commands[-1]
+    if text is None:
+        raise ValueError(f"{notebook.name} glues no '{name}'")
+    return text, ""
 
 
 @functools.cache
-def outputs(notebook: Path) -> tuple[dict[str, Any], ...]:
+def _outputs(notebook: Path) -> tuple[dict[str, Any], ...]:
     """The outputs of a stored notebook in their order, read once in a process."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     return tuple(output for cell in cells for output in cell.get("outputs", ()))
@@ -61,11 +75,8 @@ class Page:
     The project's folder becomes the working folder. Where a parameter has another value
     than in the project's notebook, the page begins with a line that says so; a value of
     another type or outside its range raises ConfigError. The cell magic `%%text` shows
-    Markdown in which `{name}` stands for a number, see `fill`.
-
-    Args:
-        name: the notebook's name, such as '04-figure3'.
-        values: the notebook's variables, `globals()`.
+    Markdown in which `{name}` stands for a number, see `fill`. The notebook has the
+    `name`, such as '04-figure3', and the variables `values`, its `globals()`.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any]) -> None:
@@ -75,7 +86,7 @@ class Page:
         path = project_root() / "notebooks" / f"{name}.ipynb"
         parameters = inspect(path)
         for parameter in parameters.values():
-            value = check(values[parameter.name], parameter.kind, parameter.name)
+            value = conform(values[parameter.name], parameter.kind, parameter.name)
             refuse_out_of_range(value, parameter)
         #: parameter -> its value, where it is not the notebook's own
         self.changed = {
@@ -112,7 +123,7 @@ class Page:
     def _number(self, name: str) -> str:
         chapter, _, key = name.rpartition("::")
         if chapter:
-            return glued(find_notebook(chapter), key)
+            return glued(find_notebook(chapter), key)[0]
         value = self._numbers.get(name, self._values.get(name))
         if value is None:
             raise NameError(f"the text has '{{{name}}}', and there is no such number")

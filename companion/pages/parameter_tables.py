@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import nbformat
 import pandas as pd
@@ -15,31 +15,27 @@ from companion.pages.parameters import inspect
 from companion.presets import PRESETS, Preset
 from sidm.systems import PAPER_SYSTEMS
 
-HEAD = ("parameter", "type", "value", "what it is")
-
 
 def chapters_text(chapters: Sequence[str] = ()) -> str:
     """A table of the parameters of each notebook, or of those that are named."""
     parts = []
     for path in [find_notebook(name) for name in chapters] or notebooks():
         lines = [
-            (f"`{p.name}`", f"`{p.kind_text}`", f"`{p.default}`", p.help)
+            (f"`{p.name}`", f"`{p.annotation}`", f"`{p.default}`", p.help)
             for p in inspect(path).values()
         ]
         first_cell = nbformat.read(path, as_version=4).cells[0].source
         heading = first_cell.splitlines()[0].lstrip("# ")
         title = f"**[{heading}]({path.name})**, `{path.stem}`"
-        parts.append(f"{title}\n\n{markdown_table(HEAD, lines)}")
+        table = markdown_table(("parameter", "type", "value", "what it is"), lines)
+        parts.append(f"{title}\n\n{table}")
     return "\n\n".join(parts)
 
 
 def presets_text() -> str:
     """A table of the presets' main sizes, and one of what files of `params/` set."""
-    return f"{table_markdown(sizes(PRESETS, PAPER_SYSTEMS))}\n\n{_files()}"
-
-
-def _files() -> str:
-    """A column for each file; a row for each name that a chapter knows."""
+    columns = {f"`{name}`": _sizes(preset) for name, preset in PRESETS.items()}
+    sizes = pd.DataFrame(columns, dtype=object).rename_axis("preset").reset_index()
     files = sorted(project_root().glob("params/*.yaml"))
     values = {path.stem: yaml.safe_load(path.read_text()) for path in files}
     known = {name for path in notebooks() for name in inspect(path)}
@@ -48,27 +44,17 @@ def _files() -> str:
         (f"`{name}`", *(f"`{v[name]}`" if name in v else "" for v in values.values()))
         for name in names
     ]
-    return markdown_table(["parameter", *(f"`{name}.yaml`" for name in values)], lines)
+    head = ["parameter", *(f"`{name}.yaml`" for name in values)]
+    return f"{table_markdown(sizes)}\n\n{markdown_table(head, lines)}"
 
 
-def sizes(presets: Mapping[str, Preset], systems: Sequence[str]) -> pd.DataFrame:
-    """Sizes of presets side by side: a row a size, a column a preset."""
-    columns = {f"`{name}`": _sizes(preset, systems) for name, preset in presets.items()}
-    table = pd.DataFrame(columns, dtype=object)
-    return table.rename_axis("preset").reset_index()
-
-
-def _sizes(preset: Preset, systems: Sequence[str]) -> dict[str, object]:
+def _sizes(preset: Preset) -> dict[str, object]:
     """Sizes of a preset by their name on a page."""
-    novice = {
-        f"novice data, {system_label(name)} (min)": ", ".join(
-            f"{minutes:g}" for minutes in preset.novice_minutes(name)
-        )
-        for name in systems
-    }
-    p_expert = {
-        f"$p_e$, {system_label(name)}": preset.p_expert(name) for name in systems
-    }
+    novice, p_expert = {}, {}
+    for name in PAPER_SYSTEMS:
+        minutes = ", ".join(f"{minutes:g}" for minutes in preset.novice_minutes(name))
+        novice[f"novice data, {system_label(name)} (min)"] = minutes
+        p_expert[f"$p_e$, {system_label(name)}"] = preset.p_expert(name)
     return {
         "expert data (min)": f"{preset.expert_minutes:.0f}",
         **novice,

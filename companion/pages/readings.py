@@ -6,9 +6,9 @@ comparison, and the verdict follows the rule of the page on claims.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -34,13 +34,9 @@ LITTLE = 5.0  # min of novice data
 #: Presets whose results are read: the book's.
 BOOK, SMALL = "study", "laptop"
 SAVED = '"up to 20 times the amount of data" (system 2: "about 5")'
-PRETRAINED = '"cannot be pretrained using just expert data"'
+IMPROVEMENT = '"significant improvement" with little data'
 AS_RELEASED, AT_ITS_BEST, EARLY = RECIPE_LABELS.values()
 TRAINED = {"R": AS_RELEASED, "T": AT_ITS_BEST}  # by recipe
-IMPROVEMENT = '"significant improvement" with little data'
-
-LESS = "with more novice data a lower p_e and less matching"
-KEPT = "SIDM kept, encoder and decoder trained further"
 LESS_EXPERT = f"p_e of {ablations.MOST_DATA_P_EXPERT:g}"
 NO_ADVERSARY = METHODS["no_regularisation"].label
 
@@ -49,7 +45,6 @@ class Reading(NamedTuple):
     """A row: a statement of the paper, how it is read, and what was measured."""
 
     statement: str
-    section: str  # of the paper
     reading: str
     system: str
     ours: str  # the quantity with its interval
@@ -58,94 +53,89 @@ class Reading(NamedTuple):
     corrected: bool = False  # by Holm over the verdicts of the decisive experiment
 
 
-def _reading(row: Any, statement: str, section: str, reading: str) -> Reading:
-    label, seeds = system_label(row.system), int(row.seeds)
-    return Reading(statement, section, reading, label, row.ours, seeds, row.verdict)
-
-
-def _ratio_rows(
-    table: pd.DataFrame,
-    statement: str,
-    section: str,
-    reading: str,
-    above: bool = False,
-    quantity: str = "loss",
+def _readings(
+    statement: str, reading: str, rows: pd.DataFrame, corrected: bool = False
 ) -> list[Reading]:
-    """Readings of a table of `paired_comparison`, whose claim is a ratio beside 1."""
-    rows = claims.claim_rows(table, "", "", above)
-    unit = "" if "difference" in table else " ×"
-    rows["ours"] = [f"{quantity} {text}{unit}".strip() for text in rows.ours]
-    return [_reading(row, statement, section, reading) for row in rows.itertuples()]
-
-
-def _judged_row(
-    row: Any,
-    statement: str,
-    reading: str,
-    quantity: str,
-    says: str,
-    corrected: bool = False,
-) -> Reading:
-    """Reading of a ratio that has a verdict: `value`, `low`, `high` and `seeds`."""
-    digits = 2 if quantity == "data" else 3
-    ours = f"{quantity} {Interval(row.value, row.low, row.high).text(digits)} ×"
-    label = system_label(row.system)
-    return Reading(statement, "5", reading, label, ours, row.seeds, says, corrected)
-
-
-def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
-    """How much data an SIDM saves with 5 minutes, and its loss with little data."""
-    rows = []
-    judged = verdicts.verdicts(decisive).query("method == 'sidm'")
-    judged = judged.dropna(subset="value")
-    for verdict, reading in (("R1", AS_RELEASED), ("T2", AT_ITS_BEST)):
-        for row in judged[judged.verdict == verdict].itertuples():
-            rows.append(_judged_row(row, SAVED, reading, "data", row.says, True))
-    for system in PAPER_SYSTEMS:
-        for row in claims.data_saving_claim(figure3, system).itertuples():
-            rows.append(_judged_row(row, SAVED, EARLY, "data", row.verdict))
-    small = judged[judged.verdict == "S"].sort_values(
-        "minutes", ascending=False, kind="stable"
-    )
-    for row in small.itertuples():
-        reading = f"{TRAINED[row.recipe]}, {row.minutes:g} min"
-        rows.append(_judged_row(row, IMPROVEMENT, reading, "loss", row.says, True))
-    sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
-    for minutes in (1.0, LITTLE):
-        table = paired_comparison(sidm[sidm.novice_minutes == minutes], alone)
-        reading = f"{EARLY}, {minutes:g} min"
-        rows += _ratio_rows(table, IMPROVEMENT, "5", reading)
-    return rows
-
-
-def hours(figure3: pd.DataFrame) -> list[Reading]:
-    """Whether the curves meet with hours of data."""
+    """Readings of rows with `system`, `ours`, `seeds` and `verdict`."""
     return [
-        _reading(row, '"comparable" with 2 h and 5 h', "5", EARLY)
-        for system in PAPER_SYSTEMS
-        for row in claims.convergence_claim(figure3, system).itertuples()
+        Reading(
+            statement,
+            reading,
+            system_label(row.system),
+            row.ours,
+            int(row.seeds),
+            row.verdict,
+            corrected,
+        )
+        for row in rows.itertuples()
     ]
 
 
-def paths(figure4: pd.DataFrame, decisive: pd.DataFrame) -> list[Reading]:
-    """Predicted paths over 25 steps."""
+def _with_texts(rows: pd.DataFrame, quantity: str, digits: int) -> pd.DataFrame:
+    """Rows with `value`, `low` and `high` of a ratio, which get the text `ours`."""
+    ends = rows[["value", "low", "high"]].itertuples(index=False)
+    texts = [f"{quantity} {Interval(*values).text(digits)} ×" for values in ends]
+    return rows.assign(ours=texts)
+
+
+def _paired(
+    frame: pd.DataFrame,
+    reference: pd.DataFrame,
+    quantity: str = "loss",
+    above: bool = False,
+) -> pd.DataFrame:
+    """The ratio of losses, paired by seed, beside 1: rows for `_readings`."""
+    rows = claims.claim_rows(paired_comparison(frame, reference), "", "", above)
+    return rows.assign(ours=[f"{quantity} {text} ×" for text in rows.ours])
+
+
+def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[Reading]:
+    """How much data an SIDM saves with 5 minutes, and its loss with little data."""
+    judged = verdicts.verdicts(decisive).query("method == 'sidm'")
+    judged = judged.dropna(subset="value").rename(columns={"verdict": "name"})
+    judged = judged.rename(columns={"says": "verdict"})
+    for name, reading in (("R1", AS_RELEASED), ("T2", AT_ITS_BEST)):
+        rows = _with_texts(judged[judged.name == name], "data", 2)
+        yield from _readings(SAVED, reading, rows, True)
+    for system in PAPER_SYSTEMS:
+        claimed = claims.data_saving_claim(figure3, system)
+        yield from _readings(SAVED, EARLY, _with_texts(claimed, "data", 2))
+    small = _with_texts(judged[judged.name == "S"], "loss", 3)
+    small = small.sort_values("minutes", ascending=False, kind="stable")
+    for (minutes, recipe), rows in small.groupby(["minutes", "recipe"], sort=False):
+        reading = f"{TRAINED[recipe]}, {minutes:g} min"
+        yield from _readings(IMPROVEMENT, reading, rows, True)
+    sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
+    for minutes in (1.0, LITTLE):
+        rows = _paired(sidm[sidm.novice_minutes == minutes], alone)
+        yield from _readings(IMPROVEMENT, f"{EARLY}, {minutes:g} min", rows)
+
+
+def hours(figure3: pd.DataFrame) -> Iterator[Reading]:
+    """Whether the curves meet with hours of data (section 5)."""
+    for system in PAPER_SYSTEMS:
+        rows = claims.convergence_claim(figure3, system)
+        yield from _readings('"comparable" with 2 h and 5 h', EARLY, rows)
+
+
+def paths(figure4: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[Reading]:
+    """Predicted paths over 25 steps (section 5)."""
     parts: list[tuple[str, pd.DataFrame, tuple[float, ...]]] = [
         (TRAINED[recipe], rows, (LITTLE,))
         for recipe, rows in decisive.groupby("recipe")
     ]
     parts.append((EARLY, figure4, (LITTLE, 120.0)))
-    said, rows = "smaller deviation over 25 steps (Figure 4)", []
+    said = "smaller deviation over 25 steps (Figure 4)"
     for reading, frame, sizes in parts:
-        for row in claims.figure4_claims(frame, sizes).itertuples():
-            size = row.claim.rpartition(", ")[2]
-            rows.append(_reading(row, said, "5", f"{reading}, {size}"))
-    return rows
+        for size in sizes:
+            rows = claims.figure4_claims(frame, (size,))
+            yield from _readings(said, f"{reading}, {size:g} min", rows)
 
 
-def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
+def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> Iterator[Reading]:
     """Whether an SIDM can be learnt from the expert alone, in three readings.
 
-    The narrowest, which is nearest to the paper's words, comes first.
+    The narrowest, which is nearest to the paper's words (section 4), comes first.
     """
     few = baselines[baselines.novice_minutes == LITTLE]
     parts = []
@@ -154,13 +144,13 @@ def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> list[Reading]:
         reading = f"SIDM alone copied, five other bodies, {minutes:g} min"
         parts.append((means, "core_finetune", reading))
     parts.append((few, "pretrain_finetune", "all parts copied (held struts)"))
-    parts.append((few, "finetune_parts", f"{KEPT} (held struts)"))
-    rows = []
+    kept = "SIDM kept, encoder and decoder trained further"
+    parts.append((few, "finetune_parts", f"{kept} (held struts)"))
     for frame, method, reading in parts:
         copied, sidm = (frame[frame.method == name] for name in (method, "sidm"))
-        table = paired_comparison(copied, sidm)
-        rows += _ratio_rows(table, PRETRAINED, "4", reading, True, "loss / SIDM's")
-    return rows
+        rows = _paired(copied, sidm, "loss / SIDM's", above=True)
+        said = '"cannot be pretrained using just expert data"'
+        yield from _readings(said, reading, rows)
 
 
 def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
@@ -170,67 +160,62 @@ def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
     return np.exp(logs.groupby(keys).validation_loss.mean()).reset_index()
 
 
-def more_data(figure3: pd.DataFrame, changed: dict[str, pd.DataFrame]) -> list[Reading]:
+def more_data(
+    figure3: pd.DataFrame, changed: Mapping[str, pd.DataFrame]
+) -> Iterator[Reading]:
     """Whether an SIDM should learn less from the expert as the novice's data grow.
 
     `changed` has, by the name of a change, its results on the largest novice dataset.
+    The paper lowers p_e and the phases together, as the data grow (section 5).
     """
-    rows, sidm = [], figure3[figure3.method == "sidm"]
+    sidm = figure3[figure3.method == "sidm"]
     for name, frame in changed.items():
-        rows += _ratio_rows(
-            paired_comparison(frame, sidm),
-            LESS,
-            "5",
-            f"{name}, on the largest dataset",
-        )
-    # the paper lowers p_e and the phases together, as the data grow
-    return [row._replace(verdict=claims.NOT_TESTED) for row in rows]
+        rows = _paired(frame, sidm).assign(verdict=claims.NOT_TESTED)
+        said = "with more novice data a lower p_e and less matching"
+        yield from _readings(said, f"{name}, on the largest dataset", rows)
 
 
-def alikeness(latents: pd.DataFrame) -> list[Reading]:
-    """Whether matching made the latents alike."""
-    rows = []
+def alikeness(latents: pd.DataFrame) -> Iterator[Reading]:
+    """Whether matching made the latents alike (section 3)."""
     few = latents[latents.novice_minutes == LITTLE]
     matched, free = (few[few.method == n] for n in ("sidm", "no_regularisation"))
     for name, quantity in (
         ("network_accuracy", "a fresh classifier's accuracy"),
         ("mmd", "squared MMD"),
     ):
-        rows += _ratio_rows(
-            paired_comparison(matched, free, value=name, difference=True),
-            "latents become alike",
-            "3",
-            f"{EARLY}: {quantity}, with 5 matching iterations minus with none",
-            quantity="",
-        )
-    return rows
+        table = paired_comparison(matched, free, value=name, difference=True)
+        rows = claims.claim_rows(table, "", "")
+        reading = f"{EARLY}: {quantity}, with 5 matching iterations minus with none"
+        yield from _readings("latents become alike", reading, rows)
 
 
 def high_p_expert(p_expert: pd.DataFrame, study: Study) -> list[Reading]:
-    """Whether a p_e proportional to the data is too high."""
+    """Whether a p_e proportional to the data is too high (section 4)."""
     few = p_expert[p_expert.novice_minutes == LITTLE]
     papers = few.system.map(study.preset.p_expert).astype(float)
     most = ablations.proportional(study.preset, LITTLE)
     usual = with_repeats(few[few.p_expert == papers], study.results)
-    return _ratio_rows(
-        paired_comparison(few[few.p_expert == most], usual),
+    return _readings(
         "a p_e proportional to the data is too high",
-        "4",
         "loss at that p_e (0.96, for 2 h of the expert; 14 h: 0.99) / the paper's",
-        above=True,
+        _paired(few[few.p_expert == most], usual, above=True),
     )
 
 
-def long_phases(phases: pd.DataFrame, study: Study) -> list[Reading]:
-    """Whether too long a phase harms the other phase's loss."""
+def long_phases(phases: pd.DataFrame, study: Study) -> Iterator[Reading]:
+    """Whether too long a phase harms the other phase's loss (section 4).
+
+    The paper's own 20 matching iterations, and the other phase's loss, are step E1's.
+    """
     few = phases[(phases.novice_minutes == LITTLE) & (phases.method == "sidm")]
-    usual = (few.discriminator_iterations == 20) & (few.matching_iterations == 5)
+    usual = few.discriminator_iterations == 20
     usual &= few.prediction_iterations == 100
-    matching = few.prediction_iterations.eq(100) & few.discriminator_iterations.eq(20)
-    rows = []
+    usual_phases = with_repeats(
+        few[usual & (few.matching_iterations == 5)], study.results
+    )
     for long, reading in (
         (
-            few[matching & few.matching_iterations.eq(100)],
+            few[usual & (few.matching_iterations == 100)],
             "loss with 100 matching iterations a phase / with 5",
         ),
         (
@@ -238,15 +223,9 @@ def long_phases(phases: pd.DataFrame, study: Study) -> list[Reading]:
             "the same phase's loss: with 500 prediction iterations / with 100",
         ),
     ):
-        rows += _ratio_rows(
-            paired_comparison(long, with_repeats(few[usual], study.results)),
-            "too long a phase leads to high losses for the other",
-            "4",
-            reading,
-            above=True,
-        )
-    # the paper's own 20 matching iterations, and the other phase's loss, are step E1's
-    return [row._replace(verdict=claims.NOT_TESTED) for row in rows]
+        rows = _paired(long, usual_phases, above=True)
+        said = "too long a phase leads to high losses for the other"
+        yield from _readings(said, reading, rows.assign(verdict=claims.NOT_TESTED))
 
 
 def readings(results: Results, data: Path | str = "data") -> list[Reading]:

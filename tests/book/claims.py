@@ -135,15 +135,29 @@ class Claim(NamedTuple):
     holds: Callable[[Book], bool]
 
 
-END, RELEASED, FIRST, PATIENCE = (
-    verdicts.END,
-    verdicts.RELEASED,
-    "first rise",
-    "patience",
-)
+CLAIMS: list[Claim] = []
+
+
+def claim(page: str, words: str) -> Callable:
+    """Say above a predicate which words of a page it bears out."""
+
+    def note(holds: Callable[[Book], bool]) -> Callable[[Book], bool]:
+        CLAIMS.append(Claim(page, words, holds))
+        return holds
+
+    return note
+
+
+FIRST_PAGE, FIGURE3_PAGE = "book/intro.md", "notebooks/04-figure3.ipynb"
+RIVALS_PAGE, CHOICES_PAGE = "notebooks/07-rivals.ipynb", "notebooks/10-choices.ipynb"
+END, RELEASED, PATIENCE = verdicts.END, verdicts.RELEASED, "patience"
 ONE, TWO = PAPER_SYSTEMS
 
 
+@claim(
+    FIRST_PAGE,
+    "With the authors' released settings, an SIDM saves data on both systems",
+)
 def released_saves(book: Book) -> bool:
     """Between the paper's number and none."""
     return all(
@@ -154,6 +168,10 @@ def released_saves(book: Book) -> bool:
     )
 
 
+@claim(FIGURE3_PAGE, "we see no saving with five minutes")
+@claim("book/claims.md", "we see no saving with five")
+@claim("README.md", "an SIDM saves data with one minute")
+@claim(FIRST_PAGE, "an SIDM saves data with one minute; with five we see no saving")
 def tuned_saves_with_one(book: Book) -> bool:
     """No saving with five minutes, after Holm's correction; one with one."""
     judged = verdicts.verdicts(book.decisive).query("method == 'sidm'")
@@ -164,22 +182,26 @@ def tuned_saves_with_one(book: Book) -> bool:
     )
 
 
+@claim(FIGURE3_PAGE, "an SIDM pays only after millions of samples")
 def early_nothing(book: Book) -> bool:
     """At 1.5 million samples the interval includes 1."""
-    rows = book.along.query("system == @ONE and recipe == 'R' and rule == ''", **SCOPE)
+    rows = book.along.query("system == 'system1' and recipe == 'R' and rule == ''")
     row = rows[rows.samples == 1_500_000].iloc[0]
     return row.low < 1 < row.high and 0.8 < row.value < 1.25
 
 
-SCOPE: dict = {"local_dict": {"ONE": ONE, "TWO": TWO}}
-
-
+@claim(FIGURE3_PAGE, "Until some 2 million samples, the SIDM is ahead")
 def short_saves(book: Book) -> bool:
     """Stopped by this book's patience, an SIDM at its best saves with five minutes."""
     rows = book.along[(book.along.recipe == "T") & (book.along.rule == PATIENCE)]
     return bool((rows.low > 1).all() and len(rows))
 
 
+@claim(FIGURE3_PAGE, "Fine-tuning the expert's model is far ahead of both")
+@claim(
+    FIRST_PAGE,
+    "fine-tuning the expert's model on five minutes beats training alone on two hours",
+)
 def finetuning_far_ahead(book: Book) -> bool:
     """Fine-tuned on 5 minutes, less loss than alone on 120."""
     tuned = book.loss("T", "pretrain_finetune")
@@ -188,6 +210,10 @@ def finetuning_far_ahead(book: Book) -> bool:
     )
 
 
+@claim(
+    FIGURE3_PAGE,
+    "our cap of 4 million samples ended all trainings without SIDM before",
+)
 def never_ended(book: Book) -> bool:
     """The released rule ended no rival from 20 minutes on, all with less."""
     ended = along.ended_by_rule(book.decisive).query("method == 'novice_only'")
@@ -195,6 +221,14 @@ def never_ended(book: Book) -> bool:
     return ended[many].ended.sum() == 0 and ended[~many].ended.min() == 5
 
 
+@claim(
+    FIGURE3_PAGE,
+    "Least squares on the novice alone beat both methods up to five minutes",
+)
+@claim(
+    "README.md",
+    "least squares on the novice's own motion are hard to beat with little data",
+)
 def squares_beat(book: Book) -> bool:
     """Least squares below both of the paper's methods up to five minutes."""
     few = book.losses[book.losses.index.get_level_values("novice_minutes") <= 5]
@@ -202,6 +236,10 @@ def squares_beat(book: Book) -> bool:
     return bool(others.gt(few.least_squares, axis=0).all(axis=None) and len(few) == 6)
 
 
+@claim(
+    FIGURE3_PAGE,
+    "From an hour of novice data on, at the same $p_e$, the loss is higher with",
+)
 def worse_from_an_hour_on(book: Book) -> bool:
     """The curves never become comparable: the SIDM's is higher from 60 minutes on."""
     found = {
@@ -210,12 +248,14 @@ def worse_from_an_hour_on(book: Book) -> bool:
     return found == {"with SIDM worse from 60 min on"}
 
 
+@claim(FIGURE3_PAGE, "Fine-tuning beats both of the paper's methods at every size")
 def finetuning_beats_both(book: Book) -> bool:
     """The lowest loss at every size with held struts."""
     others = book.losses[["sidm", "novice_only", "least_squares"]]
     return bool((book.losses.pretrain_finetune < others.min(axis=1)).all())
 
 
+@claim(FIGURE3_PAGE, "on both systems fine-tuning gains far less from the expert")
 def free_finetuning_small(book: Book) -> bool:
     """With free struts less than a fifth of the saving, with one minute."""
     from companion.statistics.savings import savings
@@ -227,6 +267,11 @@ def free_finetuning_small(book: Book) -> bool:
     return all(5 * ratio[name + FREE_STRUTS] < ratio[name] for name in PAPER_SYSTEMS)
 
 
+@claim(
+    RIVALS_PAGE,
+    "on two recorded robots no method is clearly better than least squares",
+)
+@claim(FIRST_PAGE, "no method was clearly better than [least squares]")
 def recorded_unbeaten(book: Book) -> bool:
     """No method surely beats least squares on the two recorded robots."""
     tasks = {"recorded": [task.name for task in GROUPS["quick"]]}
@@ -234,6 +279,10 @@ def recorded_unbeaten(book: Book) -> bool:
     return len(scores) > 10 and not any(score.high < 1 for score in scores)
 
 
+@claim(
+    RIVALS_PAGE,
+    "the corrected network clearly has less loss than the same network fine-tuned",
+)
 def corrected_beats_tuned(book: Book) -> bool:
     """The expert's network, corrected, below the same network fine-tuned."""
     from companion.tasks.intervals import mean_of
@@ -245,6 +294,10 @@ def corrected_beats_tuned(book: Book) -> bool:
     return True
 
 
+@claim(
+    RIVALS_PAGE,
+    "no method that learns from the expert has less loss than a Gaussian process",
+)
 def no_loss_beats_process(book: Book) -> bool:
     """With free struts no method that learns from an expert is below the process."""
     scores = book.scores("free")
@@ -255,6 +308,7 @@ def no_loss_beats_process(book: Book) -> bool:
     )
 
 
+@claim("book/benchmark.md", "an SIDM that stops early is behind least squares")
 def sidm_behind_squares(book: Book) -> bool:
     """Apart after Holm's correction; the corrected network has the lowest score."""
     pairs = pairwise(book.benchmark)
@@ -266,6 +320,11 @@ def sidm_behind_squares(book: Book) -> bool:
     )
 
 
+@claim(
+    RIVALS_PAGE,
+    "Pretraining and fine-tuning has a loss lower than the SIDM's by a fifth to two "
+    "fifths",
+)
 def joint_training(book: Book) -> bool:
     """Fine-tuning and joint training beside the SIDM, on both systems, two sizes."""
     trials = [t for s in PAPER_SYSTEMS for t in baselines.trials(book.laptop, s)]
@@ -282,6 +341,10 @@ def joint_training(book: Book) -> bool:
     )
 
 
+@claim(
+    "notebooks/05-p-expert-and-phases.ipynb",
+    "We see no gain from $p_e$ on system 1, nor from matching on system 2",
+)
 def balance(book: Book) -> bool:
     """p_e of 0.9 on system 2 and 100 iterations on system 1, not the other way."""
     sure, other = (
@@ -296,6 +359,10 @@ def balance(book: Book) -> bool:
     )
 
 
+@claim(
+    "notebooks/06-figure4.ipynb",
+    "more data and fine-tuning bring paths nearer; an SIDM is not seen to",
+)
 def short_paths(book: Book) -> bool:
     """Figure 4 stopped early: not seen at both sizes."""
     frame = book.grid("laptop", "4")
@@ -303,6 +370,7 @@ def short_paths(book: Book) -> bool:
     return found.verdict.tolist() == [claims.NOT_SEEN, claims.NOT_SEEN]
 
 
+@claim("notebooks/09-latent-space.ipynb", "13 of 18 intervals confirm it")
 def planar_components(book: Book) -> bool:
     """13 of 18 intervals with 1 to 5 minutes, 2 of 12 for roll and pitch rates."""
     trials = [t for s in PAPER_SYSTEMS for t in components.trials(book.study, s)]
@@ -326,6 +394,7 @@ def measured_latents(book: Book) -> pd.DataFrame:
     return latents.records(book.store.folder).frame(jobs)
 
 
+@claim("notebooks/09-latent-space.ipynb", "are not system invariant")
 def not_invariant(book: Book) -> bool:
     """Fresh classifiers tell latents apart; a swapped part costs 2 to 7 times."""
     measured = measured_latents(book)
@@ -335,6 +404,10 @@ def not_invariant(book: Book) -> bool:
     return bool(told > 0.99 and single.ratio.between(2, 7.2).all())
 
 
+@claim(
+    RIVALS_PAGE,
+    "at all four amounts of data on both systems, and every 95 % interval",
+)
 def halved(book: Book) -> bool:
     """Corrected, with half the data, below the SIDM and fine-tuning at all sizes."""
     trials = [t for s in PAPER_SYSTEMS for t in variants.correction(book.laptop, s)]
@@ -342,6 +415,10 @@ def halved(book: Book) -> bool:
     return len(table) == 16 and bool((table.high < 1).all())
 
 
+@claim(
+    RIVALS_PAGE,
+    "With half the data its loss is clearly lower in only three of eight",
+)
 def claim_fails(book: Book) -> bool:
     """Our own claim: surely lower in three of eight, higher in none."""
     trials = [corrected_claim.trials(book.study, p) for p in corrected_claim.PAIRS]
@@ -354,6 +431,10 @@ def claim_fails(book: Book) -> bool:
     )
 
 
+@claim(
+    "notebooks/12-driving.ipynb",
+    "No planner with a learned model does better than the driver that steers straight",
+)
 def straight_driver(book: Book) -> bool:
     """No planner with a model reaches surely more goals than the straight driver."""
     jobs = [
@@ -368,6 +449,7 @@ def straight_driver(book: Book) -> bool:
     return len(straight) == 18 and not (sure.more > sure.fewer).any()
 
 
+@claim("notebooks/13-uncertainty.ipynb", "One step ahead, yes; along a path, no.")
 def knows_one_step(book: Book) -> bool:
     """Likelier with 5 minutes or more, on both systems, with SIDM and without."""
     jobs = [
@@ -381,6 +463,10 @@ def knows_one_step(book: Book) -> bool:
     return len(more) == 8 and bool((more.high < 0).all())
 
 
+@claim(
+    "notebooks/14-several-experts.ipynb",
+    "With 8 experts the 95 % interval of the ratio lies above 1 at every size",
+)
 def more_experts_worse(book: Book) -> bool:
     """Eight experts are a worse start than the paper's at every size."""
     jobs = family.jobs(book.laptop, ONE)
@@ -391,6 +477,7 @@ def more_experts_worse(book: Book) -> bool:
     return len(rows) == 3 and bool((rows.low > 1).all())
 
 
+@claim("notebooks/11-recorded-robot.ipynb", "hardly changes the loss")
 def recordings_replaced(book: Book) -> bool:
     """One minute of recordings hardly changes the loss of the simulated novice."""
     jobs = [
@@ -409,6 +496,11 @@ def recordings_replaced(book: Book) -> bool:
     return True
 
 
+@claim(
+    CHOICES_PAGE,
+    "Of 14 comparisons on five minutes of system 1's data, for an SIDM, training alone "
+    "and fine-tuning, three show a difference",
+)
 def three_of_fourteen(book: Book) -> bool:
     """Of the choices changed one at a time three show a difference."""
     frame = choices.frame(book.laptop, book.store, [ONE])
@@ -418,6 +510,7 @@ def three_of_fourteen(book: Book) -> bool:
     return (len(table), len(apart)) == (14, 3) and lower == {ONE_SYSTEM, ONE_OPTIMISER}
 
 
+@claim(CHOICES_PAGE, "Three changes help in all four comparisons")
 def three_changes(book: Book) -> bool:
     """Fine-tuning and joint training, with a flag and without, help in all four."""
     frame = hypotheses.frame(book.laptop, book.store, PAPER_SYSTEMS)
@@ -426,6 +519,7 @@ def three_changes(book: Book) -> bool:
     return len(whole) == 3
 
 
+@claim(FIGURE3_PAGE, "an SIDM saves about three times the data with one minute")
 def tuned_for_little(book: Book) -> bool:
     """Tuned for little data an SIDM saves about three times with one minute."""
     from companion.methods import FOR_LITTLE
@@ -442,188 +536,12 @@ def tuned_for_little(book: Book) -> bool:
     )
 
 
+@claim(
+    FIGURE3_PAGE,
+    "With tuned settings it is the network trained alone that needs a long",
+)
 def alone_still_gains(book: Book) -> bool:
     """At its best the rival's weights come late, the SIDM's early."""
     rows = book.decisive.query("recipe == 'T' and novice_minutes == 5")
     kept = apply_rule(rows, RULES[END]).groupby("method").kept_samples
     return kept.median().novice_only > 5e6 and kept.max().sidm < 1e6
-
-
-FIRST_PAGE = "book/intro.md"
-CLAIMS = [
-    Claim(
-        FIRST_PAGE,
-        "With the authors' released settings, an SIDM saves data on both systems",
-        released_saves,
-    ),
-    Claim(
-        FIRST_PAGE,
-        "an SIDM saves data with one minute; with five we see no saving",
-        tuned_saves_with_one,
-    ),
-    Claim(
-        FIRST_PAGE,
-        "fine-tuning the expert's model on five minutes beats training alone on two "
-        "hours",
-        finetuning_far_ahead,
-    ),
-    Claim(
-        FIRST_PAGE,
-        "no method was clearly better than [least squares]",
-        recorded_unbeaten,
-    ),
-    Claim("README.md", "an SIDM saves data with one minute", tuned_saves_with_one),
-    Claim(
-        "README.md",
-        "least squares on the novice's own motion are hard to beat with little data",
-        squares_beat,
-    ),
-    Claim(
-        "book/claims.md",
-        "we see no saving with five",
-        tuned_saves_with_one,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "From an hour of novice data on, at the same $p_e$, the loss is higher with",
-        worse_from_an_hour_on,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "Least squares on the novice alone beat both methods up to five minutes",
-        squares_beat,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "Fine-tuning beats both of the paper's methods at every size",
-        finetuning_beats_both,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "on both systems fine-tuning gains far less from the expert",
-        free_finetuning_small,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "an SIDM saves about three times the data with one minute",
-        tuned_for_little,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "we see no saving with five minutes",
-        tuned_saves_with_one,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "our cap of 4 million samples ended all trainings without SIDM before",
-        never_ended,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "With tuned settings it is the network trained alone that needs a long",
-        alone_still_gains,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "an SIDM pays only after millions of samples",
-        early_nothing,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "Until some 2 million samples, the SIDM is ahead",
-        short_saves,
-    ),
-    Claim(
-        "notebooks/04-figure3.ipynb",
-        "Fine-tuning the expert's model is far ahead of both",
-        finetuning_far_ahead,
-    ),
-    Claim(
-        "notebooks/07-rivals.ipynb",
-        "Pretraining and fine-tuning has a loss lower than the SIDM's by a fifth to "
-        "two fifths",
-        joint_training,
-    ),
-    Claim(
-        "notebooks/07-rivals.ipynb",
-        "on two recorded robots no method is clearly better than least squares",
-        recorded_unbeaten,
-    ),
-    Claim(
-        "notebooks/07-rivals.ipynb",
-        "no method that learns from the expert has less loss than a Gaussian process",
-        no_loss_beats_process,
-    ),
-    Claim(
-        "book/benchmark.md",
-        "an SIDM that stops early is behind least squares",
-        sidm_behind_squares,
-    ),
-    Claim(
-        "notebooks/05-p-expert-and-phases.ipynb",
-        "We see no gain from $p_e$ on system 1, nor from matching on system 2",
-        balance,
-    ),
-    Claim(
-        "notebooks/06-figure4.ipynb",
-        "more data and fine-tuning bring paths nearer; an SIDM is not seen to",
-        short_paths,
-    ),
-    Claim(
-        "notebooks/09-latent-space.ipynb",
-        "13 of 18 intervals confirm it",
-        planar_components,
-    ),
-    Claim(
-        "notebooks/09-latent-space.ipynb",
-        "are not system invariant",
-        not_invariant,
-    ),
-    Claim(
-        "notebooks/07-rivals.ipynb",
-        "the corrected network clearly has less loss than the same network fine-tuned",
-        corrected_beats_tuned,
-    ),
-    Claim(
-        "notebooks/07-rivals.ipynb",
-        "at all four amounts of data on both systems, and every 95 % interval",
-        halved,
-    ),
-    Claim(
-        "notebooks/07-rivals.ipynb",
-        "With half the data its loss is clearly lower in only three of eight",
-        claim_fails,
-    ),
-    Claim(
-        "notebooks/12-driving.ipynb",
-        "No planner with a learned model does better than the driver that steers "
-        "straight",
-        straight_driver,
-    ),
-    Claim(
-        "notebooks/13-uncertainty.ipynb",
-        "One step ahead, yes; along a path, no.",
-        knows_one_step,
-    ),
-    Claim(
-        "notebooks/14-several-experts.ipynb",
-        "With 8 experts the 95 % interval of the ratio lies above 1 at every size",
-        more_experts_worse,
-    ),
-    Claim(
-        "notebooks/11-recorded-robot.ipynb",
-        "hardly changes the loss",
-        recordings_replaced,
-    ),
-    Claim(
-        "notebooks/10-choices.ipynb",
-        "Of 14 comparisons on five minutes of system 1's data, for an SIDM, training "
-        "alone and fine-tuning, three show a difference",
-        three_of_fourteen,
-    ),
-    Claim(
-        "notebooks/10-choices.ipynb",
-        "Three changes help in all four comparisons",
-        three_changes,
-    ),
-]

@@ -1,15 +1,15 @@
 """Fixtures: the book, rendered once for all tests, and a copy of the project."""
 
+import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from browser import chromium
 from IPython.core.interactiveshell import InteractiveShell
-from pages import DESK, ROOT
-from places import copy_tree, one_at_a_time, shared_by_workers
+from pages import DESK, ROOT, named_modules
+from places import copy_tree, one_at_a_time, run_python, shared_by_workers
 from playwright.sync_api import sync_playwright
 
 from companion import all_datasets, collect_motion, load_preset
@@ -31,37 +31,38 @@ def shell(monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def book(tmp_path_factory) -> Path:
+def book(tmp_path_factory, pytestconfig) -> Path:
     """Folder of the pages rendered from the committed outputs.
 
-    It is rendered once for all workers; warnings are errors.
+    It is rendered once for all workers; warnings are errors. For `make test` the
+    reference has only the modules that pages name, since it takes most of the time.
     """
     output = shared_by_workers(tmp_path_factory) / "book"
     with one_at_a_time(output):
         if not (output / "_build" / "html" / "index.html").is_file():
-            render(output)
+            output.mkdir(exist_ok=True)
+            render(output, whole=pytestconfig.getoption("markexpr") != "not more")
     return output / "_build" / "html"
 
 
-def render(output: Path) -> None:
-    """Build the book under `output`."""
-    arguments = (
-        f"build --warningiserror --keep-going --path-output {output} {ROOT}".split()
-    )
+def render(output: Path, whole: bool) -> None:
+    """Build the book under `output`, with or without the whole reference."""
+    config = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
+    sphinx = config["sphinx"]
+    for name, folder in sphinx["local_extensions"].items():
+        sphinx["local_extensions"][name] = str(ROOT / folder)
+    if not whole:
+        sphinx["config"]["autosummary_context"] = {"only": named_modules()}
+    (output / "config.yml").write_text(yaml.safe_dump(config), encoding="utf-8")
+    arguments = f"build --warningiserror --keep-going --path-output {output} {ROOT}"
+    arguments += f" --config {output / 'config.yml'}"
     program = "import sys; from jupyter_book.cli.main import main; sys.exit(main())"
-    result = subprocess.run(
-        [sys.executable, "-c", program, *arguments], capture_output=True, text=True
-    )
-    problems = [
-        line
-        for line in (result.stdout + result.stderr).splitlines()
-        if "WARNING" in line or "ERROR" in line
-    ]
+    result = run_python("-c", program, *arguments.split())
     if result.returncode != 0:
         shutil.rmtree(output, ignore_errors=True)
-        pytest.fail(
-            "\n".join(problems) or result.stdout[-2000:] + result.stderr[-2000:]
-        )
+        said = result.stdout + result.stderr
+        problems = re.findall(r"^.*(?:WARNING|ERROR).*$", said, re.MULTILINE)
+        pytest.fail("\n".join(problems) or said[-4000:])
 
 
 @pytest.fixture(scope="session")

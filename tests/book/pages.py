@@ -9,21 +9,14 @@ from typing import Any
 import yaml
 
 ROOT = Path(__file__).parents[2]
+#: modules whose pages are looked at; those of all other modules look like these
+MODULES = ("sidm.learning", "sidm.systems", "sidm.learning.losses")
+#: a name of the packages that a page refers to
+ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 DESK = {"width": 1280, "height": 900}  # size of a window, px
 
-LOADED = {  # tag -> attributes whose addresses a browser fetches by itself
-    "script": ("src",),
-    "img": ("src", "srcset"),
-    "source": ("src", "srcset"),
-    "video": ("src", "poster"),
-    "audio": ("src",),
-    "track": ("src",),
-    "image": ("href",),
-    "link": ("href",),
-    "iframe": ("src",),
-    "embed": ("src",),
-    "object": ("data",),
-}
+#: attributes whose addresses a browser fetches by itself, but that of a link to follow
+LOADED = ("src", "srcset", "poster", "data", "href")
 #: values of `rel` of <link> whose addresses a browser does not fetch
 NOT_FETCHED = {"next", "prev", "canonical", "search", "index", "author"}
 ABROAD = re.compile(r"^\s*(https?:)?//", re.IGNORECASE)
@@ -52,6 +45,35 @@ def source(name: str) -> str:
         for cell in cells
         if cell["cell_type"] == "markdown" or cell["source"][:1] == ["%%text\n"]
     )
+
+
+def modules() -> dict[str, Path]:
+    """File of every module of the packages but their commands, by its name."""
+    files = [
+        path
+        for name in ("sidm", "ownrobot", "companion")
+        for path in (ROOT / name).rglob("*.py")
+        if path.name != "__main__.py"
+    ]
+    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in files]
+    names = [name.removesuffix(".__init__") for name in names]
+    return dict(zip(names, files, strict=True))
+
+
+def named_modules() -> dict[str, list[str]]:
+    """The modules that pages name, or whose names they name, with their packages.
+
+    Each has the names of those directly below it.
+    """
+    known, found = modules(), set(MODULES)
+    for name in contents():
+        for target in ROLE.findall(source(name)):
+            rooms = [one for one in known if f"{target}.".startswith(f"{one}.")]
+            found.add(max(rooms, key=len))
+    parts = [name.split(".") for name in found]
+    chosen = {".".join(words[: n + 1]) for words in parts for n in range(len(words))}
+    split = sorted(name.rpartition(".") for name in chosen)
+    return {one: [name for room, _, name in split if room == one] for one in chosen}
 
 
 def watched(page: Any) -> list[str]:
@@ -98,27 +120,21 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         values = {name: value or "" for name, value in attrs}
+        classes = set(values.get("class", "").split())
+        self.classes |= classes
         self.names |= {values[key] for key in ("id", "name") if values.get(key)}
-        self.classes |= set(values.get("class", "").split())
-        if not (
-            tag == "link" and set(values.get("rel", "").lower().split()) & NOT_FETCHED
-        ):
-            self.loads += [
-                (tag, values[key]) for key in LOADED.get(tag, ()) if values.get(key)
-            ]
-        self.loads += [
-            (tag, address) for address in STYLE_ADDRESS.findall(values.get("style", ""))
-        ]
+        plain = set(values.get("rel", "").lower().split()) & NOT_FETCHED
+        if tag != "a" and not (tag == "link" and plain):
+            self.loads += [(tag, values[key]) for key in LOADED if values.get(key)]
+        self._read_style(tag, values.get("style", ""))
         if tag == "a" and "href" in values:
             self.links.append((tag, values["href"]))
         if tag in ("a", "article"):
             self._inside.append(tag)
         if tag == "img" and "article" in self._inside:
             self.images.append(values)
-        classes = values.get("class", "").split()
-        self._reference = (
-            tag == "code" and {"xref", "py"} <= set(classes) and "a" not in self._inside
-        )
+        code = tag == "code" and {"xref", "py"} <= classes
+        self._reference = code and "a" not in self._inside
 
     def handle_endtag(self, tag: str) -> None:
         if tag in self._inside:
@@ -129,13 +145,14 @@ class Page(HTMLParser):
             self.unlinked.append(data)
         self._reference = self._reference and not data.strip()
         if self.lasttag == "style":
-            self.loads += [
-                ("style", address) for address in STYLE_ADDRESS.findall(data)
-            ]
+            self._read_style("style", data)
+
+    def _read_style(self, tag: str, style: str) -> None:
+        self.loads += [(tag, address) for address in STYLE_ADDRESS.findall(style)]
 
     @property
     def abroad(self) -> list[str]:
         """Addresses on another host that the page would fetch."""
         return [
-            f"<{tag}> {address}" for tag, address in self.loads if ABROAD.match(address)
+            f"<{t}> {address}" for t, address in self.loads if ABROAD.match(address)
         ]

@@ -1,9 +1,11 @@
-"""Folders that tests share, and copies of folders."""
+"""Folders that tests share, copies of folders, and Python that runs in them."""
 
 import contextlib
 import fcntl
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,3 +41,9 @@ def copy_tree(folder: Path, copy: Path) -> None:
         ignore=shutil.ignore_patterns("__pycache__"),
         copy_function=link,
     )
+
+
+def run_python(*words: str, **options: object) -> subprocess.CompletedProcess:
+    """Python with some words on its command line, and what it printed."""
+    command = [sys.executable, *words]
+    return subprocess.run(command, capture_output=True, text=True, **options)

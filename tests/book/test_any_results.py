@@ -4,19 +4,17 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import nbformat
 import pytest
 from pages import ROOT
-from places import copy_tree
+from places import copy_tree, run_python
 
 from companion import Results, Study, run
 from companion.__main__ import main
 from companion.pages.notebook import notebooks
-from companion.pages.notebook_runs import Run, execute
+from companion.pages.notebook_command import Run, execute
 from companion.pages.parameters import inspect
 
 WITH_RESULTS = [
@@ -60,7 +58,7 @@ def test_a_notebook_runs_on_them(few_results, motion, tmp_path, path, kind):
     if kind == "other":
         values |= {"preset": OTHER_SIZES, "data": str(motion)}
     values = {name: value for name, value in values.items() if name in inspect(path)}
-    execute([Run(path, tmp_path / path.name, values)], ROOT)
+    execute([Run(path, tmp_path / path.name, values)])
     banner, *shown = texts(tmp_path / path.name)
     assert banner.startswith("> **Run with `") and "results = " in banner
     assert kind == "other" or any(
@@ -99,21 +97,13 @@ def test_the_page_on_extending_works_to_the_letter(project, tmp_path):
     own = "-p systems [soft] -p preset smoke -p results _build/soft"
     for name in ("p-expert-and-phases", "latent-space", "choices"):
         commands.append(f"companion notebook {name} _build/{name}.ipynb {own}")
-    environment = os.environ | {"PYTHONPATH": str(copy)}
-    for command in commands:
-        words = [sys.executable, "-m", *shlex.split(command)]
-        done = subprocess.run(
-            words, cwd=copy, env=environment, capture_output=True, text=True
-        )
+    commands.append(commands[2])  # again, after all trials were run
+
+    def said(command):
+        environment = os.environ | {"PYTHONPATH": str(copy)}
+        done = run_python("-m", *shlex.split(command), cwd=copy, env=environment)
         assert done.returncode == 0, f"{command}\n{done.stderr[-2000:]}"
-    assert (
-        "missing: 0"
-        in subprocess.run(
-            [sys.executable, "-m", *shlex.split(commands[2])],
-            cwd=copy,
-            env=environment,
-            capture_output=True,
-            text=True,
-        ).stdout
-    )
+        return done.stdout
+
+    assert "missing: 0" in [said(command) for command in commands][-1]
     shutil.rmtree(copy)

@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from browser import chromium
-from pages import DESK, contents, watched
+from pages import DESK, MODULES, contents, watched
 
 from companion import Results, Study
 from companion.explorer import grid
@@ -35,19 +35,20 @@ SCROLLING = "scrollable-region-focusable"
 MARKED = """() => [...document.querySelectorAll("pre")].every(
     block => block.scrollWidth <= block.clientWidth || block.tabIndex === 0
 )"""
+#: addresses of pictures that are not there
+MISSING = """() => [...document.images]
+    .filter(image => !image.complete || !image.naturalWidth)
+    .map(image => image.src)"""
+FONTS = "async () => [...await document.fonts.ready].map(font => font.status)"
 #: waits until the browser has drawn two frames
 FRAMES = """() => new Promise(requestAnimationFrame).then(
     () => new Promise(requestAnimationFrame)
 )"""
-#: pages of modules; the pages of all other modules look like these
-MODULES = [
-    f"book/api/sidm.{name}" for name in ("learning", "systems", "learning.losses")
-]
 #: the first page, a chapter with a chart, and the explorer: looked at by `make test`
 FIRST = ("book/intro", "notebooks/04-figure3", EXPLORER)
 PAGES = [
     pytest.param(name, marks=() if name in FIRST else pytest.mark.more)
-    for name in (*contents(), *MODULES)
+    for name in (*contents(), *(f"book/api/{module}" for module in MODULES))
 ]
 PLAIN = """spans => {
     const seen = new Set();
@@ -95,41 +96,20 @@ def test_a_browser_is_there():
         )
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        *PAGES,
-        *(
-            pytest.param(name, marks=pytest.mark.more)
-            for name in ("search", "genindex")
-        ),
-    ],
-)
-def test_a_page_is_whole_without_a_network(visit, name):
-    page = visit(name)
-    formulas = page.locator(".math:not(.math .math)").count()
-    if formulas:
-        page.evaluate("() => MathJax.startup.promise")
-        assert page.locator(".math mjx-container").count() >= formulas, (
-            "equations that are not drawn"
-        )
-        assert page.locator("mjx-merror, [data-mjx-error]").count() == 0, (
-            "equations that MathJax cannot read"
-        )
-        fonts = page.evaluate(
-            "async () => [...await document.fonts.ready].map(font => font.status)"
-        )
-        assert "loaded" in fonts and "error" not in fonts, (
-            "the fonts of the equations did not load"
-        )
-    for size in (DESK, PHONE):
-        page.set_viewport_size(size)
-        missing = """() => [...document.images]
-            .filter(image => !image.complete || !image.naturalWidth)
-            .map(image => image.src)"""
-        assert page.evaluate(missing) == []
-        width = page.evaluate("() => document.scrollingElement.scrollWidth")
-        assert width <= size["width"], f"wider than a window of {size['width']} pixels"
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_whole_and_has_no_barriers(visit, name):
+    """Without a network, in a small and a large window, in light and in dark.
+
+    It passes axe-core's rules; of tokens of code that look alike, only the first is
+    tested for colours.
+    """
+    # opened in a small window: the theme follows a change of size only later
+    page = visit(name, PHONE)
+    page.evaluate(FRAMES)
+    assert faults(page, PHONE) == []
+    on_phone = barriers(page, {"runOnly": [SCROLLING]})
+    page.set_viewport_size(DESK)
+    assert faults(page, DESK) == []
     files = {
         Path(unquote(address.path))
         for address in page.loaded
@@ -137,6 +117,47 @@ def test_a_page_is_whole_without_a_network(visit, name):
     }
     weights = sorted((weight(file), file.name) for file in files)
     assert sum(map(weight, files)) <= 2e6, weights[-5:]
+    # the theme marks scrolling blocks some time after the window has changed
+    page.wait_for_function(MARKED)
+    page.add_style_tag(content="* { transition: none !important }")
+    on_desk = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    # blocks were marked for a width before the final one: test again
+    if any("crollable region" in words for words in on_desk):
+        page.wait_for_function(MARKED)
+        on_desk = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
+    assert (on_phone, on_desk) == ([], [])
+    page.eval_on_selector_all(".highlight span", PLAIN)
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        page.wait_for_function(
+            f"() => document.documentElement.dataset.theme === '{scheme}'"
+        )
+        assert barriers(page, {"runOnly": [COLOURS]}) == [], scheme
+
+
+@pytest.mark.more
+@pytest.mark.parametrize("name", ["search", "genindex"])
+def test_a_list_is_whole_without_a_network(visit, name):
+    assert faults(visit(name, PHONE), PHONE) == []
+
+
+def faults(page, size) -> list[str]:
+    """What is wrong with equations, pictures and width in a window of a size."""
+    found = page.evaluate(MISSING)
+    if page.evaluate("() => document.scrollingElement.scrollWidth") > size["width"]:
+        found.append(f"wider than a window of {size['width']} pixels")
+    formulas = page.locator(".math:not(.math .math)").count()
+    if not formulas:
+        return found
+    page.evaluate("() => MathJax.startup.promise")
+    if page.locator(".math mjx-container").count() < formulas:
+        found.append("equations that are not drawn")
+    if page.locator("mjx-merror, [data-mjx-error]").count():
+        found.append("equations that MathJax cannot read")
+    fonts = page.evaluate(FONTS)
+    if "loaded" not in fonts or "error" in fonts:
+        found.append("the fonts of the equations did not load")
+    return found
 
 
 @functools.cache
@@ -179,40 +200,6 @@ def test_the_benchmark_sorts_and_leads_to_its_trials(visit):
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
         assert barriers(page, {}) == []
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_a_page_has_no_serious_barriers(visit, name):
-    """A page passes axe-core's rules, with its colours in light and in dark.
-
-    Of tokens of code that look alike, only the first is tested for colours.
-    """
-    # opened in a small window: the theme follows a change of size only later
-    page = visit(name, PHONE)
-    page.evaluate(FRAMES)
-    problems = [
-        f"on a phone: {words}" for words in barriers(page, {"runOnly": [SCROLLING]})
-    ]
-    page.set_viewport_size(DESK)
-    # the theme marks scrolling blocks some time after the window has changed
-    page.wait_for_function(MARKED)
-    page.add_style_tag(content="* { transition: none !important }")
-    on_desk = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
-    # blocks were marked for a width before the final one: test again
-    if any("crollable region" in words for words in on_desk):
-        page.wait_for_function(MARKED)
-        on_desk = barriers(page, {"rules": {COLOURS: {"enabled": False}}})
-    problems += on_desk
-    page.eval_on_selector_all(".highlight span", PLAIN)
-    for scheme in ("light", "dark"):
-        page.emulate_media(color_scheme=scheme)
-        page.wait_for_function(
-            f"() => document.documentElement.dataset.theme === '{scheme}'"
-        )
-        problems += [
-            f"{scheme}: {words}" for words in barriers(page, {"runOnly": [COLOURS]})
-        ]
-    assert problems == []
 
 
 def barriers(page, rules) -> list[str]:
@@ -362,18 +349,12 @@ def test_figure_3_can_be_touched(visit):
     page = visit("notebooks/04-figure3")
     page.wait_for_selector(".vega-chart[data-drawn] canvas")
     assert page.locator(".vega-chart > img").count() == 0
-    assert "novice data" in page.locator(".vega-chart canvas").get_attribute(
-        "aria-label"
-    )
-    first = page.evaluate(
-        "() => document.querySelector('.vega-chart canvas').toDataURL()"
-    )
+    chart = page.locator(".vega-chart canvas")
+    assert "novice data" in chart.get_attribute("aria-label")
+    first = chart.evaluate("canvas => canvas.toDataURL()")
     page.get_by_label("system 2", exact=True).check()
     page.evaluate(FRAMES)
-    assert (
-        page.evaluate("() => document.querySelector('.vega-chart canvas').toDataURL()")
-        != first
-    )
+    assert chart.evaluate("canvas => canvas.toDataURL()") != first
 
 
 @pytest.fixture

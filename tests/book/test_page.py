@@ -3,13 +3,14 @@
 import json
 import shlex
 
+import myst_nb
 import pytest
 from IPython.display import HTML
 from IPython.utils.capture import capture_output
 from pages import ROOT
 
 from companion.__main__ import build_parser
-from companion.pages.page import Page
+from companion.pages.page import Page, glue
 from companion.pages.parameters import inspect
 from sidm.config import ConfigError
 
@@ -87,12 +88,13 @@ def test_another_pages_number_is_the_stored_one(make_page):
         page.fill("{04-figure3::nothing}")
 
 
-def test_what_is_glued_is_for_other_pages(make_page):
-    page, _ = make_page()
-    with capture_output() as shown:
-        page.glue("table", HTML("<p>3</p>"))
-    (output,) = shown.outputs
-    assert output.metadata["scrapbook"]["name"] == "table"
+@pytest.mark.parametrize("thing", [HTML("<p>3</p>"), "text", 2.5])
+def test_what_is_glued_is_what_myst_nb_takes_over(thing, shell):
+    with capture_output() as kept:
+        glue("saving", thing)
+        myst_nb.glue("saving", thing, display=False)
+    output, expected = kept.outputs
+    assert output.data == expected.data and output.metadata == expected.metadata
     assert not any(kind.startswith("text/") for kind in output.data)
 
 

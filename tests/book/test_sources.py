@@ -1,6 +1,5 @@
 """Names in the book's sources exist, and repeated facts agree."""
 
-import argparse
 import pkgutil
 import re
 import shlex
@@ -9,16 +8,15 @@ from importlib.metadata import version
 
 import pytest
 import yaml
-from pages import ROOT, contents, source
+from pages import ROLE, ROOT, contents, source
 
 import companion.__main__
 import ownrobot.__main__
 import sidm
 from companion.pages.notebook import find_notebook, notebooks
-from companion.pages.notebook_command import add_arguments
-from companion.pages.parameters import inspect, merge_parameters, read_value
+from companion.pages.notebook_command import _run_of
+from companion.pages.parameters import inspect
 
-ROLE = re.compile(r"\{py:\w+\}`~?(?:[^`<]*<)?([\w.]+)>?`")
 BASH = re.compile(r"^```bash\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"(?:\.venv/bin/)?(ownrobot|companion) (.+)")
 PARSERS = {
@@ -26,23 +24,6 @@ PARSERS = {
     "companion": companion.__main__.build_parser,
 }
 PIN = re.compile(r"^([A-Za-z0-9_.-]+)==([^\s#;]+)(?:; [^#]+?)?(?:\s+# (.+))?$")
-
-
-@pytest.mark.parametrize("name", contents())
-def test_what_a_page_includes_is_in_the_copy_that_is_rendered(name):
-    """`make book` renders a copy of the paths in the Makefile's `cp` lines."""
-    copied = [
-        word
-        for line in re.findall(
-            r"^\tcp (?:-R )?(.+)", (ROOT / "Makefile").read_text(), re.MULTILINE
-        )
-        for word in line.split()[:-1]
-    ]
-    for included in re.findall(r"\{(?:literal)?include\} (\S+)", source(name)):
-        path = (ROOT / name).parent.joinpath(included).resolve().relative_to(ROOT)
-        assert any(
-            one.match(word) for one in (path, *path.parents) for word in copied
-        ), included
 
 
 def pins(name: str) -> dict[str, tuple[str, str | None]]:
@@ -58,13 +39,17 @@ def pins(name: str) -> dict[str, tuple[str, str | None]]:
 
 
 @pytest.mark.parametrize("name", contents())
-def test_a_page_of_the_contents_exists_and_is_named_with_hyphens(name):
+def test_what_a_page_names_is_there(name):
+    """Itself, what it includes in the copy that `make book` renders, Python's names."""
     assert (ROOT / f"{name}.md").is_file() or (ROOT / f"{name}.ipynb").is_file()
     assert "_" not in name and " " not in name
-
-
-@pytest.mark.parametrize("name", contents())
-def test_what_a_page_refers_to_in_the_package_can_be_imported(name):
+    makefile = (ROOT / "Makefile").read_text()
+    lines = re.findall(r"^\tcp (?:-R )?(.+)", makefile, re.MULTILINE)
+    copied = [word for line in lines for word in line.split()[:-1]]
+    for included in re.findall(r"\{(?:literal)?include\} (\S+)", source(name)):
+        path = (ROOT / name).parent.joinpath(included).resolve().relative_to(ROOT)
+        places = path, *path.parents
+        assert any(one.match(word) for one in places for word in copied), included
     for target in ROLE.findall(source(name)):
         pkgutil.resolve_name(target)
 
@@ -93,39 +78,24 @@ def words_of(command: str) -> list[str]:
     return shlex.split(match[2], comments=True)
 
 
-@pytest.mark.parametrize(
-    "command", [one for one in commands() if words_of(one)[0] != "notebook"]
-)
+@pytest.mark.parametrize("command", commands())
 def test_a_command_could_be_run(command, monkeypatch):
     """Every command parses, but for two kinds that need another machine.
 
     These are commands for a GPU and with a method that the reader has written.
     """
     monkeypatch.chdir(ROOT)
-    words = words_of(command)
+    program, words = command.split()[0], words_of(command)
     if {"cuda", "half_frozen"} & set(words):
         known = "preset figure device bundle method system minutes".split()
         assert set(words[1::2]) <= {f"--{name}" for name in known}
         return
     if words[-1] == "--help":
         words = words[:-1]
-    PARSERS[command.removeprefix(".venv/bin/").split()[0]]().parse_args(words)
-
-
-@pytest.mark.parametrize(
-    "command", [one for one in commands() if words_of(one)[0] == "notebook"]
-)
-def test_a_command_for_a_notebook_could_be_run(command, monkeypatch):
-    monkeypatch.chdir(ROOT)
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
-    given = parser.parse_args(words_of(command)[1:])
-    path = find_notebook(given.notebook)
-    kinds = {name: parameter.kind for name, parameter in inspect(path).items()}
-    values = {
-        name: read_value(text, kinds.get(name), name) for name, text in given.parameter
-    }
-    assert merge_parameters(path, values, given.file).keys() >= values.keys()
+    parsed = PARSERS[program.removeprefix(".venv/bin/")]().parse_args(words)
+    if words[0] == "notebook":
+        values = _run_of(find_notebook(parsed.notebook), parsed).values
+        assert values.keys() >= dict(parsed.parameter).keys()
 
 
 def test_one_version_everywhere():
@@ -138,25 +108,16 @@ def test_one_version_everywhere():
     }
 
 
-def test_requirements_are_exact_and_say_why():
-    assert [
-        name for name, (_, why) in pins("requirements.txt").items() if not why
-    ] == []
-
-
 def test_what_runs_here_is_what_is_pinned():
-    wanted = pins("requirements.txt")
-    assert {
-        name: v for name, (v, _) in wanted.items() if version(name).split("+")[0] != v
-    } == {}
-
-
-def test_constraints_name_no_place():
-    text = (ROOT / "requirements.txt").read_text() + (
-        ROOT / "constraints.txt"
-    ).read_text()
-    assert "//" not in text and " @ " not in text
-    assert set(pins("constraints.txt")) & set(pins("requirements.txt")) == set()
+    """Requirements are exact and say why; constraints name no place."""
+    wanted, constraints = pins("requirements.txt"), pins("constraints.txt")
+    assert [name for name, (_, why) in wanted.items() if not why] == []
+    found = {name: version(name).split("+")[0] for name in wanted}
+    assert found == {name: number for name, (number, _) in wanted.items()}
+    assert set(constraints) & set(wanted) == set()
+    for name in ("requirements.txt", "constraints.txt"):
+        text = (ROOT / name).read_text()
+        assert "//" not in text and " @ " not in text
 
 
 def test_nothing_runs_while_the_book_is_rendered():

@@ -1,0 +1,246 @@
+"""The numbers that README and pages quote: computed from results, or 'not run'."""
+
+import re
+
+import pandas as pd
+import pytest
+from pages import ROOT
+
+from companion import Results, Study, grid
+from companion.__main__ import build_parser
+from companion.pages import all_savings, figure3_results, headline, readings
+from companion.pages.ablation_results import Ablations
+from companion.statistics import claims
+from companion.studies import ablations
+from companion.studies.decisive import search, verdicts
+from ownrobot.comparison.statistics import Interval
+
+#: number of the page on Figure 3 -> its verdict and its pair of robots
+PUBLISHED = {
+    "released-saving": ("R1", "system1"),
+    "released-saving-2": ("R1", "system2"),
+    "end-saving": ("R2", "system1"),
+    "end-saving-2": ("R2", "system2"),
+    "tuned-released": ("T1", "system1"),
+    "tuned-saving": ("T2", "system1"),
+}
+
+
+@pytest.fixture(scope="module")
+def store():
+    return Results(ROOT / "results")
+
+
+@pytest.fixture(scope="module")
+def decisive(store):
+    """The long trainings."""
+    return verdicts.results(Study("study", "data", store.folder), store)
+
+
+@pytest.fixture(scope="module")
+def stored():
+    """Results behind the README's numbers."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return headline.stored_results("no data")
+
+
+def ratios(rows) -> list[str]:
+    """Texts of the ratios of verdicts."""
+    return [Interval(r.value, r.low, r.high).text(2) for r in rows.itertuples()]
+
+
+def test_quoted_numbers_are_the_verdicts(decisive):
+    judged = verdicts.verdicts(decisive)
+    judged = judged[judged.method == "sidm"].set_index(["verdict", "system"])
+    texts = dict(figure3_results.long_numbers(decisive))
+    shown = [texts[name] for name in PUBLISHED]
+    assert shown == ratios(judged.loc[list(PUBLISHED.values())])
+    assert "not run" not in texts.values()
+
+
+@pytest.mark.parametrize("count", [0, 8])
+def test_what_lacks_results_is_not_run(tmp_path, make_row, count):
+    store, study = Results(tmp_path), Study("study", tmp_path, tmp_path)
+    for trial in search.compare_units(study)[:count:3]:
+        store.put(make_row(trial))
+    frame = verdicts.results(study, store)
+    assert {text for _, text in figure3_results.long_numbers(frame)} == {"not run"}
+    units = figure3_results.unit_numbers(store.frame(search.compare_units(study)))
+    assert {text for _, text in units} == {"not run"}
+    assert readings.readings(store, tmp_path) == []
+    table = all_savings.table(store)
+    assert not len(table) and list(table.columns) == all_savings.COLUMNS
+
+
+def test_the_table_of_all_savings_has_the_verdicts_and_the_claims(store, decisive):
+    table = all_savings.table(store)
+    assert not table.duplicated(["Settings", "Stopped by", "Pair"]).any()
+    assert table.notna().all(axis=None)
+    judged = verdicts.data_ratios(decisive).query("method == 'sidm' and value == value")
+    shown = table[table["Stopped by"].isin([verdicts.RELEASED, verdicts.END])]
+    shown = shown[shown.Settings != all_savings.MIXED]
+    assert sorted(shown["5 min"]) == sorted(ratios(judged)) and len(shown) >= 6
+    figure3 = store.frame(grid("study", "3", data="data", results=str(store.folder)))
+    quick = table[table.Settings == "quick (Q)"].set_index("Pair")["5 min"]
+    for system, label in (("system1", "system 1"), ("system2", "system 2")):
+        assert [quick[label]] == ratios(claims.data_saving_claim(figure3, system))
+
+
+def losses(method, factor, **columns):
+    """Losses of three seeds on system 1 with 5 minutes."""
+    about = {"system": "system1", "method": method, "novice_minutes": 5.0}
+    values = [factor, 1.02 * factor, 0.99 * factor]
+    about |= {"seed": range(3), "validation_loss": values}
+    return pd.DataFrame(about | columns)
+
+
+@pytest.mark.parametrize(
+    ("tuned", "kept", "core", "verdict"),
+    [
+        (0.5, 0.6, 0.7, claims.CONTRARY),
+        (2.0, 1.5, 1.2, claims.DIRECTION),
+        (1.0, 1.0, 1.0, claims.NOT_SEEN),
+    ],
+)
+def test_pretraining_has_three_readings(tuned, kept, core, verdict):
+    """The narrowest comes first, at two sizes."""
+    factors = {"sidm": 1.0, "pretrain_finetune": tuned, "finetune_parts": kept}
+    baselines = pd.concat(losses(*item) for item in factors.items())
+    bodies = pd.concat(
+        losses(method, factor * scale, novice_body=body, novice_minutes=minutes)
+        for method, factor in (("sidm", 1.0), ("core_finetune", core))
+        for body, scale in (("no map", 1.0), ("planar", 3.0))
+        for minutes in (1.0, 5.0)
+    )
+    rows = list(readings.pretraining(baselines, bodies))
+    assert [row.verdict for row in rows] == [verdict] * 4
+    assert len({row.reading for row in rows}) == 4
+    narrow = [row.reading.startswith("SIDM alone") for row in rows]
+    assert narrow == [True, True, False, False]
+
+
+def test_the_books_readings_are_those_of_its_parts(store, decisive):
+    rows = readings.readings(store, "data")
+    named = ["statement", "reading", "system"]
+    assert not pd.DataFrame(rows).duplicated(named).any()
+    judged = verdicts.verdicts(decisive)
+    first = judged[(judged.verdict == "R1") & (judged.system == "system1")].iloc[0]
+    assert rows[0].verdict == first.says and f"{first.value:.1f}" in rows[0].ours
+    assert len(readings.page_table(rows)) == len(rows) > 9
+
+
+def test_the_readme_says_what_is_stored(stored):
+    """Every number in bold has its rows and its command."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = headline.headlines(stored)
+    numbers = [row.number for row in rows]
+    assert re.findall(r"\*\*([\d.]+)\*\*", text) == numbers, "write its sentences anew"
+    assert all(row.rows > 10 for row in rows)
+    assert len({row.quantity for row in rows}) == 15
+    for command in {row.command for row in rows}:
+        build_parser().parse_args(command.split()[1:])
+    assert (ROOT / headline.FIGURE).stat().st_size < 200_000
+
+
+def test_another_store_would_have_other_numbers(stored):
+    def numbers(**changed):
+        return [row.number for row in headline.headlines(stored._replace(**changed))]
+
+    def with_half(method):
+        factor = 1 + (stored.quick.method == method)
+        value = stored.quick.validation_loss / factor
+        return numbers(quick=stored.quick.assign(validation_loss=value))
+
+    usual = numbers()
+    assert with_half("novice_only") != usual
+    assert with_half("sidm") == usual, "they are of the decisive experiment"
+    assert with_half("pretrain_finetune")[9:] != usual[9:]
+    assert with_half("pretrain_finetune")[:9] == usual[:9]
+    few = stored.decisive[stored.decisive.seed < 3]
+    assert numbers(decisive=few)[:3] != usual[:3]
+    assert numbers(quick=stored.quick[:0], decisive=stored.decisive[:0]) == []
+
+
+def test_every_number_of_the_first_page_has_its_chapter_and_its_command(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    text = headline.FIRST_PAGE.read_text(encoding="utf-8")
+    numbers = list(headline.glued_numbers(text))
+    assert len(numbers) == text.count("{glue:text}") > 0
+    for number in numbers:
+        assert re.match(r"(at least )?-?\d", number.number), number
+        build_parser().parse_args(number.command.split()[1:])
+
+
+class FakePage:
+    """Says which commands it was asked for."""
+
+    def again(self, figure):
+        return f"run {figure}"
+
+    def command(self, **others):
+        return f"page {others}"
+
+
+@pytest.fixture
+def study(tmp_path):
+    return Study("laptop", tmp_path, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "usual"),
+    [
+        ("p_expert", [0.6, None], 0.5),
+        ("matching_iterations", [50], 5),
+        ("pixels", [8], 32),
+        ("patience", [7], 150_000),
+    ],
+)
+def test_figure_3s_value_is_among_an_ablations_trials(study, name, values, usual):
+    assert ablations.usual(study.preset, "system2", name) == usual
+    trials = Ablations(study, ["system2"], {name: values}).trials()
+    tried = {
+        getattr(trial.network if name == "pixels" else trial.training, name)
+        for trial in trials
+    }
+    share = ablations.proportional(study.preset, 5.0)
+    assert tried == {usual, *(share if value is None else value for value in values)}
+    again = Ablations(study, ["system2"], {name: [*values, usual]}).trials()
+    assert {trial.key for trial in again} == {trial.key for trial in trials}
+
+
+def test_values_of_the_grids_are_run_by_their_figures(study):
+    values = {"p_expert": ablations.P_EXPERT, **ablations.ITERATIONS}
+    systems = ["system1", "system2"]
+    all_of_grids = Ablations(study, systems, values)
+    assert all_of_grids.commands(FakePage()) == ["run p-expert", "run iterations"]
+    own = Ablations(study, systems, values | {"p_expert": [0.6]})
+    assert own.commands(FakePage(), "matching_iterations") == ["run iterations"]
+    assert own.commands(FakePage()) == ["page {'run_missing': True}"]
+
+
+def test_without_results_ablations_have_titles_and_no_numbers(study):
+    shown = Ablations(study, ["system1"], {"p_expert": [0.9], "pixels": [8]}, [5.0, 1])
+    assert shown.ratio("p_expert", "system1", 0.9) == "not run"
+    titles = [title for title, table in shown.page_tables() if table.empty]
+    assert titles == [
+        f"{name}, {size} min of novice data"
+        for name in ("$p_e$", "Pixels")
+        for size in (1, 5)
+    ]
+    assert len(shown.figure("p_expert", "pixels").axes) == 2
+
+
+def test_ratios_are_to_figure_3s_value_seed_by_seed(study, make_row):
+    shown = Ablations(study, ["system1"], {"matching_iterations": [0, 20]})
+    losses = {0: 0.3, 20: 0.1, 5: 0.2}
+    store = Results(study.results)
+    for trial in shown.trials():
+        regularised = trial.training.regularise
+        value = trial.training.matching_iterations if regularised else 0
+        store.put(make_row(trial, losses[value]))
+    assert shown.ratio("matching_iterations", "system1", 20).startswith("0.50 ")
+    assert shown.ratio("matching_iterations", "system1", 0).startswith("1.5 ")
+    ((_, table),) = shown.page_tables()
+    assert table.value.tolist() == ["0", "5", "20"]
+    assert table.iloc[:, -1].str[:5].tolist() == ["1.50 ", "-", "0.500"]
