@@ -65,7 +65,7 @@ def one_step(
                 model.predict("novice", part.inputs, part.maps, None, generator)[0]
                 for _ in range(draws)
             ]
-            likelihoods = [-sample.component_nll(part.targets) for sample in drawn]
+            likelihoods = [-sample.nll(part.targets) for sample in drawn]
             logs = torch.stack(likelihoods).double()  # (D, B, T, 13)
             mixture = torch.logsumexp(logs.sum(-1), 0)  # (B, T)
             step_nll.append(math.log(draws) - mixture.flatten())

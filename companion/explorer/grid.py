@@ -147,12 +147,10 @@ def whole_numbers(ride: Ride) -> np.ndarray:
     vector = np.where(quaternion[:, 3:] < 0, -quaternion, quaternion)[:, :3]
     position, joints = ride.states[:, POSITION], ride.joints[:, _JOINTS]
     columns = [*position.T, *vector.T, *ride.struts.T, *joints.T]
-    scaled = [
-        scale * column for scale, column in zip(CHANNELS.values(), columns, strict=True)
-    ]
+    scaled = np.stack(columns, axis=1) * [*CHANNELS.values()]
     outside = ~(np.abs(ride.states[:, :2]) <= BORDER).all(axis=1)
     gone = np.maximum.accumulate(outside)[:, None]
-    numbers = np.where(gone, GONE, np.rint(np.stack(scaled, axis=1)))
+    numbers = np.where(gone, GONE, np.rint(scaled))
     return np.clip(numbers, GONE, -GONE - 1).astype(np.int16)
 
 
@@ -185,10 +183,8 @@ def simulate(
 
     robot, brakes = setting
     roughness, throttles = (knob.values for knob in DRIVE)
-    actions: list[tuple[float, float | np.ndarray]] = [
-        *((throttle, 0.0) for throttle in throttles),
-        (WEAVING, weave(STEPS)),
-    ]
+    actions: list[tuple[float, Any]] = [(throttle, 0.0) for throttle in throttles]
+    actions.append((WEAVING, weave(STEPS)))
     rides = []
     with Simulator(robot, ground(roughness[0]), sampled_physics(brakes)) as simulator:
         for scale in roughness:

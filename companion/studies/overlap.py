@@ -49,8 +49,11 @@ class Neighbourhood(NamedTuple):
     loss: float
 
 
-def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Inputs (count, 11) and transitions (count, 13) of evenly spaced steps."""
+Steps = tuple[np.ndarray, np.ndarray]  # inputs (N, 11) and transitions (N, 13)
+
+
+def steps(trajectories: list[Drive], count: int) -> Steps:
+    """So many evenly spaced steps, at most."""
     # here, since stored neighbourhoods are read without PyTorch
     from sidm.learning.dataset import states_and_actions
     from sidm.learning.observation import encode_inputs, transition
@@ -64,14 +67,9 @@ def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray
 
 
 def neighbourhoods(
-    expert: tuple[np.ndarray, np.ndarray],
-    novice: tuple[np.ndarray, np.ndarray],
-    queries: tuple[np.ndarray, np.ndarray],
+    expert: Steps, novice: Steps, queries: Steps
 ) -> dict[str, Neighbourhood]:
-    """Compare the expert's and the novice's steps with the novice's validation steps.
-
-    Each is a pair of inputs (N, 11) and transitions (N, 13).
-    """
+    """Compare both robots' steps with the novice's validation steps."""
     scale = np.maximum(expert[0].std(axis=0), 1e-9)
     nearest, losses = {}, {}
     for role, (inputs, targets) in {"expert": expert, "novice": novice}.items():
@@ -112,9 +110,7 @@ def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
     """The stored neighbourhoods by system and robot; empty if none are stored."""
     stored = read_or_empty(Path(results) / NAME)
     return {
-        system: {
-            role: Neighbourhood(*values) for role, values in stored[system].items()
-        }
+        system: {role: Neighbourhood(*row) for role, row in stored[system].items()}
         for system in PAPER_SYSTEMS
         if system in stored
     }

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.style import METHOD_STYLES, legend_entries
+from companion.figures.style import METHOD_LABELS, METHOD_STYLES, legend_entries
 from companion.statistics.pairs import page_table, paired_comparison
 from companion.statistics.tables import wide
 from companion.studies.real_robots.measure import (
@@ -20,14 +20,8 @@ from companion.studies.real_robots.measure import (
 from sidm.plots import finish, side_by_side, styled
 
 #: Fields of a record that have an entry per size.
-SIZED = (
-    "minutes",
-    "loss",
-    "displacement",
-    "heading",
-    "cold_displacement",
-    "cold_heading",
-)
+SIZED = ["minutes", "loss", "displacement", "heading"]
+SIZED += ["cold_displacement", "cold_heading"]
 LABELS = {
     "loss": "loss (always the mean: 6)",
     "displacement": "displacement error after 1.5 s (m)",
@@ -122,9 +116,8 @@ def percent_better(compared: pd.DataFrame, pair: str, sessions: int) -> dict[str
 
 def for_page(table: pd.DataFrame) -> pd.DataFrame:
     """A table made by `table` as a page shows it: a column for each size."""
-    labels = {name: style["label"] for name, style in METHOD_STYLES.items()} | NAMES
     shown = page_table(table.sort_values("sessions", kind="stable"), 2, system="pair")
-    shown["method"] = shown.method.map(labels)
+    shown["method"] = shown.method.map(METHOD_LABELS | NAMES)
     shown["sessions"] = [f"{count:g} sessions" for count in shown.sessions]
     shown = wide(shown, ["pair", "method"], "sessions", "ratio (95 % interval)")
     heading = "loss, divided by that without SIDM (95 % interval)"
