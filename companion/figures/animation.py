@@ -36,6 +36,8 @@ def film(
     A shorter path stays at its end; each has a style with a label. The ground has
     heights (H, W), m; a goal (2,) is marked.
     """
+    longest = max(map(len, paths))
+    paths = [path[np.arange(longest).clip(max=len(path) - 1)] for path in paths]
     points = np.concatenate([*paths, *([] if goal is None else [goal[None]])])
     frames = []
     with plt.style.context(STYLE):
@@ -57,10 +59,10 @@ def film(
         canvas.draw()
         # what does not move is drawn once, which saves most of the time of each frame
         still = canvas.copy_from_bbox(figure.bbox)
-        for step in range(max(map(len, paths))):
+        for step in range(longest):
             for path, line, head in zip(paths, lines, heads, strict=True):
                 line.set_data(*path[: step + 1].T)
-                head.set_data(*path[: step + 1][-1:].T)
+                head.set_data(*path[step : step + 1].T)
             axes.set_title(f"{CONTROL_STEP * step:.1f} s")
             canvas.restore_region(still)
             for artist in moving:
