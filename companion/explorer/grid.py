@@ -123,22 +123,17 @@ BORDER = Terrain(cell_height_scale=0.0).half_width - 0.5
 
 
 class Grid(NamedTuple):
-    """The stored rides.
+    """The stored rides."""
 
-    Attributes:
-        rides: (5, 3, 2, 2, 2, 3, 4, T + 1, C) int16; axes of SET_UP, BRAKES, roughness,
-            drive, time and CHANNELS
-        robots: (4, 2, 3, 4, T + 1, C) int16; the same with one axis of PAPER_ROBOTS in
-            place of SET_UP
-        packed: packed rides (3, 4, T + 1, C) of each robot, with held, then with free
-            struts: first the robots of SET_UP, then PAPER_ROBOTS
-        numerics: versions of the numerics that made the rides
-    """
-
+    #: (5, 3, 2, 2, 2, 3, 4, T + 1, C) int16; axes of SET_UP, BRAKES, roughness, drive,
+    #: time and CHANNELS
     rides: np.ndarray
+    #: (4, 2, 3, 4, T + 1, C) int16; the same with one axis of PAPER_ROBOTS for SET_UP
     robots: np.ndarray
+    #: rides (3, 4, T + 1, C) of each robot, with held, then with free struts: first the
+    #: robots of SET_UP, then PAPER_ROBOTS
     packed: tuple[bytes, ...]
-    numerics: dict[str, int]
+    numerics: dict[str, int]  # versions of the numerics that made the rides
 
 
 def whole_numbers(ride: Ride) -> np.ndarray:

@@ -34,19 +34,14 @@ NAME = "overlap.json"
 
 
 class Neighbourhood(NamedTuple):
-    """How one robot's steps compare with the novice's validation steps nearest to them.
+    """How near one robot's steps are to the novice's validation steps."""
 
-    Attributes:
-        distance: median distance to the nearest step, in standard deviations of each of
-            the expert's inputs
-        uncovered: share of validation steps farther from this robot's nearest step than
-            the quantile FAR of the distances to the novice's own
-        loss: equation (1) of the mean transition of the NEIGHBOURS nearest steps
-    """
-
+    #: median to the nearest step, in standard deviations of each of the expert's inputs
     distance: float
+    #: share of validation steps farther from this robot's nearest step than the
+    #: quantile FAR of the distances to the novice's own
     uncovered: float
-    loss: float
+    loss: float  # equation (1) of the mean transition of the NEIGHBOURS nearest steps
 
 
 Steps = tuple[np.ndarray, np.ndarray]  # inputs (N, 11) and transitions (N, 13)

@@ -142,11 +142,7 @@ def jobs(
 
 
 def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
-    """Drive all episodes of a test.
-
-    Raises:
-        ImportError: PyBullet is not installed; the message is one line.
-    """
+    """Drive all episodes of a test; without PyBullet there is an ImportError."""
     from sidm.simulation import Simulator
     from sidm.simulation.collecting import EpisodeRules
 

@@ -84,8 +84,7 @@ def table(
 def seconds_unbeaten(frame: pd.DataFrame) -> str:
     """From how much of its motion on no network beat least squares on the Warthog.
 
-    Returns:
-        Seconds of motion, six for each session, as text; 'not run' without results.
+    Seconds of motion, six for each session, as text; 'not run' without results.
     """
     networks = ("novice_only", *WITH_EXPERT, PRETRAINED)
     squares = table(frame, against="least_squares")
@@ -100,10 +99,7 @@ def seconds_unbeaten(frame: pd.DataFrame) -> str:
 def percent_better(compared: pd.DataFrame, pair: str, sessions: int) -> dict[str, str]:
     """By how many per cent each method's loss is lower, with its interval, as text.
 
-    Args:
-        compared: made by `table`.
-        pair: of expert and novice.
-        sessions: of the novice's motion.
+    Of a table made by `table`, for a pair and a number of the novice's sessions.
     """
     rows = compared[(compared.system == pair) & (compared.sessions == sessions)]
     return {

@@ -40,7 +40,7 @@ from sidm.body import ROVER
 from sidm.config import config, replace
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.model import Predictor
+from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation
@@ -229,22 +229,7 @@ def measure(
             evaluate(0.0, proxy_model)
         for minutes in about.sizes:
             begun = time.process_time()
-            parts = subsets(recorded, minutes, about.seed)
-            learning, testing = (recorded.motion.subset(part) for part in parts)
-            sets = Datasets(learning, testing, recorded.validation, proxy)
-            if about.fit == "least_squares":
-                # a correction of the proxy's model, which stays as it is
-                mirror = mirror_image if about.training.mirror else None
-                trained = fit(sets, units, proxy_model, mirror)
-            else:
-                trained = train(
-                    sets,
-                    about.network,
-                    about.training,
-                    about.seed,
-                    standardisation=units,
-                    start=start.weights if start else None,
-                )
+            trained = _learn(about, minutes, recorded, proxy, units, start, proxy_model)
             fields = {
                 "samples": trained.samples,
                 "best_samples": trained.best_samples,
@@ -259,6 +244,35 @@ def measure(
         **by_field(trainings),
         pretraining_samples=start.samples if start else 0,
         provenance=timer.done(),
+    )
+
+
+def _learn(
+    about: Transfer,
+    minutes: float,
+    recorded: Recorded,
+    proxy: Windows,
+    units: Standardisation,
+    start: Pretrained | None,
+    proxy_model: DynamicsModel | None,
+) -> Trained:
+    """Train on so many minutes of the recordings, from fresh weights or the proxy's.
+
+    Least squares leave the proxy's model as it is and add a correction.
+    """
+    parts = subsets(recorded, minutes, about.seed)
+    learning, testing = (recorded.motion.subset(part) for part in parts)
+    sets = Datasets(learning, testing, recorded.validation, proxy)
+    if about.fit == "least_squares":
+        mirror = mirror_image if about.training.mirror else None
+        return fit(sets, units, proxy_model, mirror)
+    return train(
+        sets,
+        about.network,
+        about.training,
+        about.seed,
+        standardisation=units,
+        start=start.weights if start else None,
     )
 
 

@@ -140,12 +140,7 @@ def experts_table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def robots_table(system: str, members: int) -> tuple[list[str], list[tuple]]:
-    """Head and rows of a table: parameters of a pair's robots and of family members.
-
-    Args:
-        system: the pair.
-        members: number of members.
-    """
+    """Head and rows of a table: parameters of a pair's robots and of family members."""
     pair = find_system(system)
     robots = {"novice": pair.novice, PAPER_EXPERT: pair.expert}
     robots |= {f"member {number}": family_robot(number) for number in range(members)}

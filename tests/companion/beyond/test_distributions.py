@@ -149,7 +149,7 @@ def test_coverage_is_that_of_the_normal_distribution(
     assert scores.nll_quantiles == pytest.approx(
         np.quantile(expected, [0.5, 0.9, 0.99, 1]), rel=1e-4
     )
-    assert scores.spread == pytest.approx((said,) * 13)
+    assert scores.spread == pytest.approx([said] * 13)
 
 
 def test_particles_spread_and_cover_one_of_theirs(small_network, generator):
