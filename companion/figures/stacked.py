@@ -104,18 +104,19 @@ def _plots(figure: Figure) -> dict[Axes, BboxBase]:
 
     Of an empty plot there is its legend at most.
     """
-    plots: dict[Axes, BboxBase] = {}
+    boxes: dict[Axes, BboxBase | None] = {}
     for axes in figure.axes:
         legend = axes.get_legend()
         if axes.axison or axes.has_data():
-            plots[axes] = axes.get_tightbbox()
+            boxes[axes] = axes.get_tightbbox()
         elif legend is not None:
-            plots[axes] = legend.get_window_extent()
+            boxes[axes] = legend.get_window_extent()
+    plots = {axes: box for axes, box in boxes.items() if box is not None}
     bars = [axes for axes in plots if axes.get_label() == "<colorbar>"]
-    boxes = [plots.pop(bar) for bar in bars]
-    for box in boxes:
-        nearest = min(plots, key=lambda axes, x0=box.x0: abs(plots[axes].x1 - x0))
-        plots[nearest] = Bbox.union([plots[nearest], box])
+    for bar in [plots.pop(axes) for axes in bars]:
+        distances = {axes: abs(box.x1 - bar.x0) for axes, box in plots.items()}
+        nearest = min(distances, key=distances.__getitem__)
+        plots[nearest] = Bbox.union([plots[nearest], bar])
     return plots
 
 

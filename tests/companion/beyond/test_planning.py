@@ -74,6 +74,8 @@ def test_a_plan_goes_on_where_the_one_before_led():
     planner, drawn = Planner(settings, AHEAD, 0), []
     best = plan(planner)
     assert torch.equal(best[0], best[2]), "an action is held"
+    assert torch.allclose(planner.foreseen, slide(HERE, best[None])[0])
+    assert (planner.spread[-2:] == settings.spread).all()  # beyond the plan
     assert torch.equal(planner.mean[:4], best[2:])
     assert torch.equal(planner.mean[4:], best[-1:].expand(2, -1))
     plan(planner, seen=drawn)
@@ -81,17 +83,6 @@ def test_a_plan_goes_on_where_the_one_before_led():
     assert (low >= torch.tensor([-0.2, -1])).all(), "throttles that data have"
     assert (high <= torch.tensor([0.6, 1])).all()
     assert torch.equal(drawn[0][0], torch.cat([best[2:], best[-1:], best[-1:]]))
-
-
-def test_the_spread_shrinks_to_the_least_where_the_plan_has_looked():
-    settings = Planning(elites=4)
-    planner = Planner(settings, AHEAD, 0)
-    for _ in range(20):
-        best = plan(planner)
-    assert (planner.spread[-3:] == settings.spread).all()  # beyond the plan
-    assert planner.spread[:3].min() >= settings.least
-    assert planner.spread[:3, 0].max() < settings.spread
-    assert torch.allclose(planner.foreseen, slide(HERE, best[None])[0])
 
 
 def test_cost_is_distance_and_a_rollover_costs_more_than_any():

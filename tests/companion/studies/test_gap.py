@@ -52,10 +52,9 @@ def test_what_is_stored_is_of_todays_physics(study, kind):
 def test_stored_robots_drive_sensibly(tmp_path):
     """Robots with free struts move vertically less than rocks are high, in the mean."""
     table = gap.table(RESULTS)
-    assert set(table.system) == {*SYSTEMS, *FREE_SYSTEMS}
     up = table[table.component == "up"]
-    assert (up.gap < 0.2).all() and (up.spread < 0.2).all()
-    assert gap.figure(table).axes[0].has_data()
+    assert (up[["gap", "spread"]] < 0.2).all(axis=None)
+    assert set(up.system) == {*SYSTEMS, *FREE_SYSTEMS}
     assert gap.figure(gap.table(tmp_path)).axes[0].texts
 
 
