@@ -9,15 +9,13 @@ generator, the means take the place of the samples.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from sidm.body import ROVER, Body
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import SIDM, Decoder, Encoder, Memory
-from sidm.learning.units import Standardisation
 from sidm.learning.weights import scale_last
 from sidm.settings import Network
 
@@ -42,11 +40,7 @@ class Gaussian(NamedTuple):
         return self.mean + self.std * noise.to(self.mean.device)
 
     def nll(self, values: Tensor) -> Tensor:
-        """Negative log-likelihood (...), nats, of values (..., K), summed over K."""
-        return self.component_nll(values).sum(-1)
-
-    def component_nll(self, values: Tensor) -> Tensor:
-        """Negative log-likelihood of each component of values (..., K), nats."""
+        """Negative log-likelihood of each of values (..., K), nats."""
         squares = ((values - self.mean) / self.std).square()
         return squares / 2 + self.std.log() + math.log(2 * math.pi) / 2
 
@@ -68,13 +62,8 @@ class StdHead(nn.Module):
 class GaussianEncoder(Encoder):
     """E_e or E_n that estimates a distribution about the latents of an `Encoder`."""
 
-    def __init__(
-        self,
-        network: Network,
-        standardisation: Standardisation | None = None,
-        body: Body = ROVER,
-    ):
-        super().__init__(network, standardisation, body)
+    def __init__(self, network: Network, *units_and_body: Any):
+        super().__init__(network, *units_and_body)
         self.spread = StdHead(network.latent)
 
     def distribution(self, inputs: Tensor, maps: Tensor) -> Gaussian:
@@ -103,14 +92,10 @@ class GaussianDecoder(Decoder):
     A second output layer gives the logarithm of each component's standard deviation.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        standardisation: Standardisation | None = None,
-        body: Body = ROVER,
-    ):
-        super().__init__(network, standardisation, body)
-        self.spread = nn.Linear(network.decoder_hidden, len(body.targets))
+    def __init__(self, network: Network, *units_and_body: Any):
+        super().__init__(network, *units_and_body)
+        last: Any = self.dense[-1]
+        self.spread = nn.Linear(network.decoder_hidden, last.out_features)
         scale_last(self.spread)
 
     def distribution(self, transitions: Tensor) -> Gaussian:
@@ -119,23 +104,6 @@ class GaussianDecoder(Decoder):
         std = self.spread(hidden).clamp(MIN_LOG_STD, MAX_LOG_STD).exp()
         mean = self.target_mean + self.target_std * self.dense[-1](hidden)
         return Gaussian(mean, self.target_std * std)
-
-
-class StochasticPredictor(Protocol):
-    """A model that predicts a distribution of transitions."""
-
-    def predict(
-        self,
-        role: str,
-        inputs: Tensor,
-        maps: Tensor,
-        memory: Memory | None,
-        generator: torch.Generator | None,
-    ) -> tuple[Gaussian, Memory]:
-        """Distribution of the transition (B, T, 13), raw units, and the new memory.
-
-        It is conditional on one sample of all latents.
-        """
 
 
 class DistributionModel(DynamicsModel):
@@ -154,7 +122,7 @@ class DistributionModel(DynamicsModel):
         maps: Tensor,
         generator: torch.Generator | None = None,
     ) -> Tensor:
-        """Sampled latent state-actions (B, T, latent); means without a generator."""
+        """Sampled latent state-actions (B, T, latent)."""
         return self.encoders[role].distribution(inputs, maps).sample(generator)  # type: ignore[operator]
 
     def transit(
@@ -163,10 +131,7 @@ class DistributionModel(DynamicsModel):
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Tensor, Memory]:
-        """Sampled latent transitions (B, T, latent_transition), and the memory.
-
-        Without a generator, the means take the place of the samples.
-        """
+        """Sampled latent transitions (B, T, latent_transition), and the memory."""
         transitions, memory = self.sidm.distribution(latents, memory)  # type: ignore[operator]
         return transitions.sample(generator), memory
 
@@ -178,7 +143,10 @@ class DistributionModel(DynamicsModel):
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
-        """`StochasticPredictor.predict`: distribution (B, T, 13) and memory."""
+        """Distribution of the transition (B, T, 13), raw units, and the new memory.
+
+        It is conditional on one sample of all latents.
+        """
         latents = self.draw_latents(role, inputs, maps, generator)
         transitions, memory = self.transit(latents, memory, generator)
         return self.decoders[role].distribution(transitions), memory  # type: ignore[operator]
@@ -191,14 +159,11 @@ class DistributionModel(DynamicsModel):
         return prediction.mean, memory
 
 
-class ConstantSpread:
-    """A deterministic model with a constant standard deviation (13,) of its errors.
+class ConstantSpread(NamedTuple):
+    """A deterministic model with a constant standard deviation of its errors."""
 
-    The distribution is normal, and its mean is what the model predicts.
-    """
-
-    def __init__(self, model: DynamicsModel, std: Tensor) -> None:
-        self.model, self.std = model, std
+    model: DynamicsModel  # predicts the mean of a normal distribution
+    std: Tensor  # (13,), raw units
 
     def predict(
         self,
@@ -208,6 +173,10 @@ class ConstantSpread:
         memory: Memory | None = None,
         generator: torch.Generator | None = None,
     ) -> tuple[Gaussian, Memory]:
-        """`StochasticPredictor.predict`; there are no latents to sample."""
+        """As `DistributionModel.predict`; there are no latents to sample."""
         mean, memory = self.model(role, inputs, maps, memory)
         return Gaussian(mean, self.std.expand_as(mean)), memory
+
+
+#: A model that predicts a distribution of transitions.
+StochasticPredictor = DistributionModel | ConstantSpread

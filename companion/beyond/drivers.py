@@ -10,13 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from companion.beyond.planning import (
-    Imagination,
-    ModelImagination,
-    Planner,
-    steer_to_goal,
-)
-from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, TWIST, upright
+from companion.beyond.planning import ModelImagination, Planner, steer_to_goal
+from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, upright
 
 ARRIVED = 0.5  # m, a robot this near to the goal has arrived
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)  # quaternion x, y, z, w
@@ -28,34 +23,6 @@ class DrivenEpisode(NamedTuple):
     ended: str  # 'arrived', a cause of `shards.DISCARDS`, or 'time'
     states: np.ndarray  # (K + 1, 13)
     actions: np.ndarray  # (K, 2)
-    #: mean distance, m, from the planned position to the robot's position when the next
-    #: plan begins; 0 for a driver without plans
-    surprise: float
-
-    @property
-    def path(self) -> np.ndarray:
-        """Positions (K + 1, 2) x and y, m."""
-        return self.states[:, POSITION][:, :2]
-
-    @property
-    def seconds(self) -> float:
-        """Duration of the episode, s."""
-        return CONTROL_STEP * len(self.actions)
-
-    @property
-    def top_speed(self) -> float:
-        """Largest speed, forward and sideways together, m/s."""
-        return float(np.linalg.norm(self.states[:, TWIST][:, :2], axis=1).max())
-
-    @property
-    def length(self) -> float:
-        """Length of the path, m."""
-        return float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
-
-    @property
-    def steepest(self) -> float:
-        """Largest tilt, degrees."""
-        return float(np.degrees(np.arccos(np.clip(upright(self.states), -1, 1)).max()))
 
 
 class Driver:
@@ -76,11 +43,6 @@ class Driver:
         self.surprises: list[float] = []
         self._ready: list[Tensor] = []  # planned actions not yet carried out
 
-    @property
-    def surprise(self) -> float:
-        """Mean distance from planned to actual positions, m; 0 without a plan."""
-        return float(np.mean(self.surprises)) if self.surprises else 0.0
-
     def act(self, state: np.ndarray) -> np.ndarray:
         """The action (2,) in a state (13,)."""
         if self.planner is None:
@@ -100,11 +62,9 @@ class Driver:
             distance = np.linalg.norm(expected - state[POSITION][:2])
             self.surprises.append(float(distance))
         start = time.perf_counter()
-        imagine: Imagination
+        imagine = functools.partial(simulate_sequences, self.imagination)
         if isinstance(self.imagination, ModelImagination):
             imagine = functools.partial(self.imagination.imagine, state)
-        else:
-            imagine = functools.partial(simulate_sequences, self.imagination)
         plan = planner.plan(imagine)
         self.pace.append(time.perf_counter() - start)
         return list(plan[:steps])
@@ -128,7 +88,7 @@ def drive_episode(
         states.append(state if np.isfinite(state).all() else states[-1])
         if cause or np.linalg.norm(states[-1][POSITION][:2] - driver.goal) < ARRIVED:
             ended = cause or "arrived"
-    return DrivenEpisode(ended, np.array(states), np.array(actions), driver.surprise)
+    return DrivenEpisode(ended, np.array(states), np.array(actions))
 
 
 def simulate_sequences(simulator: Any, actions: Tensor) -> Tensor:

@@ -19,7 +19,6 @@ from sidm.learning.trainer import Trainer
 from sidm.learning.training import Trained, learn
 from sidm.learning.units import Standardisation, Units
 from sidm.settings import Network, Training
-from sidm.systems import ROLES
 
 #: The only value that this training allows for a setting.
 ONLY = {
@@ -38,7 +37,7 @@ def mean_nll(model: DistributionModel, motion: Windows) -> float:
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
             prediction, _ = model.predict("novice", part.inputs, part.maps)
-            total += float(prediction.nll(part.targets).double().sum())
+            total += float(prediction.nll(part.targets).sum(-1).double().sum())
     return total / motion.targets[..., 0].numel()
 
 
@@ -79,14 +78,8 @@ def train_distributions(
 class LikelihoodModel(DistributionModel):
     """A model of distributions in training, with sampled latents; losses in nats."""
 
-    def __init__(
-        self,
-        network: Network,
-        standardisation: Units | None = None,
-        seed: int = 0,
-        roles: Iterable[str] = ROLES,
-    ):
-        super().__init__(network, standardisation, seed, roles)
+    def __init__(self, network: Network, units: Units, seed: int, roles: Iterable[str]):
+        super().__init__(network, units, seed, roles)
         self.noise = generator(seed, "latents")
 
     def encode(self, role: str, batch: Windows) -> Tensor:
@@ -102,6 +95,6 @@ class LikelihoodModel(DistributionModel):
         )
         parts = transitions.split([len(windows) for windows in batch.values()])
         return {
-            role: self.decoders[role].distribution(part).nll(windows.targets)  # type: ignore[operator]
+            role: self.decoders[role].distribution(part).nll(windows.targets).sum(-1)  # type: ignore[operator]
             for (role, windows), part in zip(batch.items(), parts, strict=True)
         }

@@ -42,25 +42,25 @@ DISTANCES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"mmd": mmd, "coral":
 
 
 class DistanceMatching(Hook):
-    """Algorithm 2 without a discriminator: E_n moves its latents to those of E_e."""
+    """Algorithm 2 without a discriminator: E_n alone moves its latents to those of E_e.
+
+    It takes as many steps as the distribution matching of Algorithm 2 has.
+    """
 
     def __init__(self, name: str) -> None:
         self.distance = DISTANCES[name]
 
     def regularise(self, trainer: Trainer) -> bool:
-        """Take as many steps as the distribution matching of Algorithm 2 has."""
-        for _ in range(trainer.training.matching_iterations):
-            self.iteration(trainer)
+        """One phase."""
+        training, sampler = trainer.training, trainer.sampler
+        for _ in range(training.matching_iterations):
+            count = training.matching_batch
+            windows = sampler.draw("expert", count, "discriminator expert")
+            with torch.no_grad():
+                expert = trainer.encode("expert", windows).flatten(0, 1)
+            novice = trainer.encode("novice", sampler.matching_batch()).flatten(0, 1)
+            trainer.step_encoder(self.distance(expert, novice))
         return True
-
-    def iteration(self, trainer: Trainer) -> None:
-        """One step of E_n alone that reduces the distance to the latents of E_e."""
-        count, sampler = trainer.training.matching_batch, trainer.sampler
-        windows = sampler.draw("expert", count, "discriminator expert")
-        with torch.no_grad():
-            expert = trainer.encode("expert", windows)
-        novice = trainer.encode("novice", sampler.matching_batch())
-        trainer.step_encoder(self.distance(expert.flatten(0, 1), novice.flatten(0, 1)))
 
 
 class GradientReversal(Hook):

@@ -36,12 +36,11 @@ class Calibration(NamedTuple):
 
     nll: float  # mean negative log-likelihood of a step, nats
     #: QUANTILES of a step's negative log-likelihood: few steps may dominate the mean
-    nll_quantiles: tuple[float, ...]
-    component_nll: tuple[float, ...]  # (13,) mean of each component alone, nats
-    #: (13,) mean standard deviation given the latents, raw units
-    spread: tuple[float, ...]
+    nll_quantiles: list[float]
+    component_nll: list[float]  # (13,) mean of each component alone, nats
+    spread: list[float]  # (13,) mean standard deviation given the latents, raw units
     #: (L, 13) share of steps within the central intervals of LEVELS
-    coverage: tuple[tuple[float, ...], ...]
+    coverage: list[list[float]]
 
 
 def one_step(
@@ -65,29 +64,23 @@ def one_step(
                 model.predict("novice", part.inputs, part.maps, None, generator)[0]
                 for _ in range(draws)
             ]
-            likelihoods = [-sample.component_nll(part.targets) for sample in drawn]
+            likelihoods = [-sample.nll(part.targets) for sample in drawn]
             logs = torch.stack(likelihoods).double()  # (D, B, T, 13)
             mixture = torch.logsumexp(logs.sum(-1), 0)  # (B, T)
             step_nll.append(math.log(draws) - mixture.flatten())
             component_nll -= (torch.logsumexp(logs, 0) - math.log(draws)).sum((0, 1))
             stds = torch.stack([sample.std for sample in drawn]).double()
             spread += stds.mean(0).sum((0, 1))
-            ranks = [
-                torch.special.ndtr((part.targets - sample.mean) / sample.std)
-                for sample in drawn
-            ]
+            scores = [(part.targets - sample.mean) / sample.std for sample in drawn]
             # (B, T, 13), the predicted probability of a smaller value
-            rank = torch.stack(ranks).mean(0)
+            rank = torch.special.ndtr(torch.stack(scores)).mean(0)
             for number, level in enumerate(LEVELS):
                 inside[number] += (2 * (rank - 0.5).abs() <= level).double().sum((0, 1))
     nll = torch.cat(step_nll)
-    return Calibration(
-        float(nll.mean()),
-        tuple(torch.quantile(nll, nll.new_tensor(QUANTILES)).tolist()),
-        tuple((component_nll / len(nll)).tolist()),
-        tuple((spread / len(nll)).tolist()),
-        tuple(tuple(shares.tolist()) for shares in inside / len(nll)),
-    )
+    quantiles = torch.quantile(nll, nll.new_tensor(QUANTILES))
+    sums = (total / len(nll) for total in (component_nll, spread, inside))
+    lists = (values.tolist() for values in (quantiles, *sums))
+    return Calibration(float(nll.mean()), *lists)
 
 
 def particle_rollout(

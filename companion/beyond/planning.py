@@ -35,34 +35,24 @@ class Planning:
 
     The distribution of the action sequences is kept from plan to plan and shifted in
     time.
-
-    Attributes:
-        samples: action sequences an iteration
-        iterations: iterations a plan; each samples from the distribution of the elites
-            before, the first from that of the last plan
-        elites: number of best samples, whose mean and standard deviation are taken
-        horizon: control steps of 0.1 s, a multiple of `hold`
-        hold: control steps for which an action is held
-        replan: control steps from plan to plan
-        spread: standard deviation at first, and of steps that no plan has reached yet
-        least: smallest standard deviation, so that the search goes on
-        steepest: tilt, degrees, beyond which a sequence counts as a rollover; above 60
-            some robots still return
-        slowest: smallest planned throttle
-        fastest: largest planned throttle
     """
 
-    samples: int = 32
+    samples: int = 32  # action sequences an iteration
+    #: a plan; each samples from the distribution of the elites before, the first from
+    #: that of the last plan
     iterations: int = 1
-    elites: int = 6
-    horizon: int = 9
-    hold: int = 3
-    replan: int = 3
+    elites: int = 6  # best samples, whose mean and standard deviation are taken
+    horizon: int = 9  # control steps of 0.1 s, a multiple of `hold`
+    hold: int = 3  # control steps for which an action is held
+    replan: int = 3  # control steps from plan to plan
+    #: standard deviation at first, and of steps that no plan has reached yet
     spread: float = 0.5
-    least: float = 0.2
+    least: float = 0.2  # smallest standard deviation, so that the search goes on
+    #: tilt, degrees, beyond which a sequence counts as a rollover; above 60 some robots
+    #: still return
     steepest: float = 65.0
-    slowest: float = SLOWEST
-    fastest: float = FASTEST
+    slowest: float = SLOWEST  # smallest planned throttle
+    fastest: float = FASTEST  # largest planned throttle
 
 
 def cost(states: Tensor, goal: Tensor, steepest: float) -> Tensor:
@@ -159,11 +149,10 @@ class ModelImagination:
 
     def observe(self, state: np.ndarray, action: np.ndarray | Tensor) -> None:
         """Note that the robot took `action` (2,) in `state` (13,)."""
-        step = (
-            torch.as_tensor(state, dtype=torch.float32),
-            torch.as_tensor(action, dtype=torch.float32),
+        seen, taken = (
+            torch.as_tensor(one, dtype=torch.float32) for one in (state, action)
         )
-        self.done.append(step)
+        self.done.append((seen, taken))
         self.new += 1
 
     def remember(self) -> None:

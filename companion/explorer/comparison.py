@@ -30,22 +30,17 @@ class Row(NamedTuple):
     scale: float = 1.0  # units in an SI unit
 
 
-SUSPENSION = (
+ROWS = (
     Row("spring", "N/m", ("spring",)),
     Row("damping", "N s/m", ("damping",)),
     Row("travel", "mm", ("travel_lower", "travel_upper"), 1e3),
-)
-GEARING = (
     Row("gearing: wheel speed at full throttle", "rad/s", ("throttle_scale",)),
     Row("gearing: angle at full steering", "rad", ("steering_scale",)),
-)
-ROWS = (
-    *SUSPENSION,
-    *GEARING,
     Row("rest position of the springs", "mm", ("spring_offset",), 1e3),
     Row("friction of the tyres", "", ("friction",)),
     Row("factor on the mass of axles and wheels", "", ("mass_scale",)),
 )
+SUSPENSION, GEARING = ROWS[:3], ROWS[3:5]
 #: What is told of a ride.
 MEASURES = (
     "distance",
@@ -92,10 +87,10 @@ def robots_in_words(robots: Sequence[Robot], names: Sequence[str]) -> str:
         times(row.label, *(np.ptp([0.0, *ends(row, one)][-2:]) for one in robots))
         for row in SUSPENSION
     )
-    gears = [[value_text(row, robot) for row in GEARING] for robot in robots]
+    gears = [[value_text(row, robot) for robot in robots] for row in GEARING]
     gearing = "The gearing is the same."
-    if gears[0] != gears[1]:
-        wheels, angle = (" against ".join(pair) for pair in zip(*gears, strict=True))
+    if any(first != second for first, second in gears):
+        wheels, angle = map(" against ".join, gears)
         gearing = (
             "What differs most is the gearing: full throttle asks for wheels at "
             f"{wheels}, full steering for an angle of {angle}."
@@ -121,11 +116,11 @@ def summary(ride: Ride) -> list[str]:
         f"{100 * np.ptp(z):.0f} cm",
         f"{pitch:.0f}° and {roll:.0f}°",
         f"{1e3 * np.ptp(ride.struts, axis=0).max():.1f} mm",
-        at_stops(ride),
+        _at_stops(ride),
     ]
 
 
-def at_stops(ride: Ride) -> str:
+def _at_stops(ride: Ride) -> str:
     """Shares of the time at a stop by strut, such as 'front left 20 %', or 'none'."""
     lower, upper = (
         np.abs(ride.struts - stop) < NEAR
@@ -135,12 +130,8 @@ def at_stops(ride: Ride) -> str:
         upper[:, HELD] = False
     shares = np.rint(100 * (lower | upper).mean(axis=0)).astype(int)
     named = zip(STRUTS, shares, strict=True)
-    return (
-        ", ".join(
-            f"{name} {share}\N{NO-BREAK SPACE}%" for name, share in named if share
-        )
-        or "none"
-    )
+    texts = [f"{name} {share}\N{NO-BREAK SPACE}%" for name, share in named if share]
+    return ", ".join(texts) or "none"
 
 
 def table_html(rides: Mapping[str, Ride]) -> str:

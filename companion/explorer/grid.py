@@ -123,22 +123,17 @@ BORDER = Terrain(cell_height_scale=0.0).half_width - 0.5
 
 
 class Grid(NamedTuple):
-    """The stored rides.
+    """The stored rides."""
 
-    Attributes:
-        rides: (5, 3, 2, 2, 2, 3, 4, T + 1, C) int16; axes of SET_UP, BRAKES, roughness,
-            drive, time and CHANNELS
-        robots: (4, 2, 3, 4, T + 1, C) int16; the same with one axis of PAPER_ROBOTS in
-            place of SET_UP
-        packed: packed rides (3, 4, T + 1, C) of each robot, with held, then with free
-            struts: first the robots of SET_UP, then PAPER_ROBOTS
-        numerics: versions of the numerics that made the rides
-    """
-
+    #: (5, 3, 2, 2, 2, 3, 4, T + 1, C) int16; axes of SET_UP, BRAKES, roughness, drive,
+    #: time and CHANNELS
     rides: np.ndarray
+    #: (4, 2, 3, 4, T + 1, C) int16; the same with one axis of PAPER_ROBOTS for SET_UP
     robots: np.ndarray
+    #: rides (3, 4, T + 1, C) of each robot, with held, then with free struts: first the
+    #: robots of SET_UP, then PAPER_ROBOTS
     packed: tuple[bytes, ...]
-    numerics: dict[str, int]
+    numerics: dict[str, int]  # versions of the numerics that made the rides
 
 
 def whole_numbers(ride: Ride) -> np.ndarray:
@@ -147,12 +142,10 @@ def whole_numbers(ride: Ride) -> np.ndarray:
     vector = np.where(quaternion[:, 3:] < 0, -quaternion, quaternion)[:, :3]
     position, joints = ride.states[:, POSITION], ride.joints[:, _JOINTS]
     columns = [*position.T, *vector.T, *ride.struts.T, *joints.T]
-    scaled = [
-        scale * column for scale, column in zip(CHANNELS.values(), columns, strict=True)
-    ]
+    scaled = np.stack(columns, axis=1) * [*CHANNELS.values()]
     outside = ~(np.abs(ride.states[:, :2]) <= BORDER).all(axis=1)
     gone = np.maximum.accumulate(outside)[:, None]
-    numbers = np.where(gone, GONE, np.rint(np.stack(scaled, axis=1)))
+    numbers = np.where(gone, GONE, np.rint(scaled))
     return np.clip(numbers, GONE, -GONE - 1).astype(np.int16)
 
 
@@ -185,10 +178,8 @@ def simulate(
 
     robot, brakes = setting
     roughness, throttles = (knob.values for knob in DRIVE)
-    actions: list[tuple[float, float | np.ndarray]] = [
-        *((throttle, 0.0) for throttle in throttles),
-        (WEAVING, weave(STEPS)),
-    ]
+    actions: list[tuple[float, Any]] = [(throttle, 0.0) for throttle in throttles]
+    actions.append((WEAVING, weave(STEPS)))
     rides = []
     with Simulator(robot, ground(roughness[0]), sampled_physics(brakes)) as simulator:
         for scale in roughness:

@@ -10,6 +10,8 @@ import html
 from concurrent.futures import Executor, Future
 from typing import Any
 
+import ipywidgets as widgets
+
 from companion.explorer.comparison import in_words, table_html
 from companion.explorer.grid import PAIRS, SPRINGS, twin_name
 from companion.explorer.views import picture, rides_figure
@@ -74,18 +76,16 @@ def softer(robot: Robot) -> float:
 
 def explorer(
     first: str = "system1 novice", second: str | None = None, steps: int = 25
-) -> Any:
-    """Sliders for the suspension of one robot beside another one, an ipywidgets box.
+) -> widgets.HBox:
+    """Sliders for the suspension of one robot beside another one.
 
-    It has the controls, both robots in words, the picture, and the rides in three
+    The box has the controls, both robots in words, the picture, and the rides in three
     dimensions. The robots are names of ROBOTS, else there is a ConfigError; by default
     the second is the first's twin with a softer spring.
     """
-    import ipywidgets as widgets
-
     softer_twin = softer(find_robot(first))
     find_robot(second or first)
-    controls, robots, knobs, buttons = _controls(widgets, first, second or softer_twin)
+    controls, robots, knobs, buttons = _controls(first, second or softer_twin)
     words = widgets.HTML(layout={"flex": "1 1 24em"})  # beside the controls, or below
     screen, film = (widgets.HTML(layout={"width": "100%"}) for _ in range(2))
     pair, *_ = sorted(PAIRS.values(), key=lambda names: first not in names)
@@ -112,18 +112,19 @@ def explorer(
         ]
         if names[0] == names[1]:
             names[1] = "the same robot"
-        drive = [
-            knobs[name].value for name in ("roughness", "terrain_seed", "throttle")
-        ]
-        motors = knobs["strut_motors"].value
-        rides = both_rides(yours(), other(), *drive, steps, motors)
+        drive = ("roughness", "terrain_seed", "throttle")
+        settings = [*(knobs[name].value for name in drive), steps]
+        rides = both_rides(yours(), other(), *settings, knobs["strut_motors"].value)
         labels = [system_label(name) for name in names]
         by_label = dict(zip(labels, rides, strict=True))
         told = f'<p role="status">{html.escape(in_words(by_label))}</p>'
         table = table_html(by_label)
         words.value = f'{LOOK}<div class="explorer-words">{told}{table}</div>'
         png = picture(rides_figure(dict(zip(names, rides, strict=True))))
-        screen.value = _image(png, ALT.format(*labels))
+        # `widgets.Image` has no alternative text
+        look = f'alt="{html.escape(ALT.format(*labels))}" style="max-width: 100%"'
+        content = base64.b64encode(png).decode()
+        screen.value = f'<img {look} src="data:image/png;base64,{content}">'
         film.value = _film(by_label, scroll) if buttons["drive"].value else ""
 
     def take(robot: Robot, **chosen: Any) -> None:
@@ -159,16 +160,8 @@ def explorer(
     for words_on_it, names in PAIRS.items():
         buttons[words_on_it].on_click(lambda _, names=names: choose(names))
     buttons["springs"].on_click(only_springs)
-    return widgets.HBox(
-        [controls, words, screen, film], layout={"flex_flow": "row wrap"}
-    )
-
-
-def _image(png: bytes, alt: str) -> str:
-    """A picture for a page; `widgets.Image` has no alternative text."""
-    content = base64.b64encode(png).decode()
-    look = f'alt="{html.escape(alt)}" style="max-width: 100%"'
-    return f'<img {look} src="data:image/png;base64,{content}">'
+    row = {"flex_flow": "row wrap"}
+    return widgets.HBox([controls, words, screen, film], layout=row)
 
 
 def _film(rides: dict[str, Ride], scroll: bool) -> str:
@@ -178,9 +171,12 @@ def _film(rides: dict[str, Ride], scroll: bool) -> str:
     return frame.replace("<iframe", seen, 1) if scroll else frame
 
 
+Controls = dict[str, Any]
+
+
 def _controls(
-    widgets: Any, first: str, second: str | float
-) -> tuple[Any, dict[str, Any], dict[str, Any], dict[str, Any]]:
+    first: str, second: str | float
+) -> tuple[widgets.VBox, Controls, Controls, Controls]:
     """The controls of the explorer: the box, choices of robots, sliders and buttons.
 
     The choices are 'first' and 'second'; the sliders have the names of settings; the
@@ -191,15 +187,12 @@ def _controls(
         "layout": {"width": "33em", "max_width": "100%"},
     }
 
-    def choice(options: Any, value: Any, description: str) -> Any:
-        return widgets.Dropdown(
-            options=options, value=value, description=description, **wide
-        )
-
     def slider(description: str, kind: str = "Float", **values: Any) -> Any:
-        make = getattr(widgets, f"{kind}Slider")
         look = {"description": description, "continuous_update": False} | wide
-        return make(**look, **values)
+        return getattr(widgets, f"{kind}Slider")(**look, **values)
+
+    def millimetres(description: str, least: float, most: float) -> Any:
+        return slider(description, min=least, max=most, step=1, readout_format=",.0f")
 
     def button(description: str) -> Any:
         look = {"width": "auto", "align_self": "flex-start"}
@@ -209,19 +202,20 @@ def _controls(
     named = [(system_label(name), name) for name in dict.fromkeys([*ROBOTS, *others])]
     twins = [(twin_name(spring), spring) for spring in SPRINGS]
     robots = {
-        "first": choice(named, first, "your robot starts as"),
-        "second": choice(named + twins, second, "compared with"),
+        name: widgets.Dropdown(
+            options=options, value=value, description=description, **wide
+        )
+        for name, options, value, description in (
+            ("first", named, first, "your robot starts as"),
+            ("second", named + twins, second, "compared with"),
+        )
     }
     whole: dict[str, Any] = {"readout_format": ",.0f"}
     knobs = {
         "spring": slider("spring (N/m)", "FloatLog", min=1.5, max=5, **whole),
         "damping": slider("damping (N s/m)", min=0, max=200, **whole),
-        "travel_lower": slider(
-            "longest extension (mm)", min=-30, max=-2, step=1, **whole
-        ),
-        "travel_upper": slider(
-            "deepest compression (mm)", min=0, max=10, step=1, **whole
-        ),
+        "travel_lower": millimetres("longest extension (mm)", -30, -2),
+        "travel_upper": millimetres("deepest compression (mm)", 0, 10),
         "throttle": slider("throttle", value=0.5, min=-1, max=1, step=0.05),
         "roughness": slider(
             "rock height scale (m)", value=0.35, min=0, max=0.9, step=0.05
@@ -240,14 +234,8 @@ def _controls(
         ),
     }
     presets = widgets.HBox([*map(buttons.get, PAIRS), buttons["springs"]])
-    box = [
-        presets,
-        *robots.values(),
-        buttons["take"],
-        *knobs.values(),
-        buttons["drive"],
-    ]
-    return widgets.VBox(box), robots, knobs, buttons
+    box = [presets, *robots.values(), buttons["take"], *knobs.values()]
+    return widgets.VBox([*box, buttons["drive"]]), robots, knobs, buttons
 
 
 def with_picture(box: Any) -> dict[str, Any]:

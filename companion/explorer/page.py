@@ -123,16 +123,14 @@ def charts() -> dict[str, dict[str, Any]]:
 def _ground(roughness: float) -> list[int]:
     """Heights of the squares of ground in VIEW, rows from low to high, cm."""
     heights = ground(roughness)
+
+    def indices(start: float, end: float) -> np.ndarray:
+        middles = np.arange(start, end, CELL) + CELL / 2
+        return np.rint((middles + half_width(heights)) / GRID_SPACING).astype(int)
+
     left, right, low, high = VIEW
-    x, y = (
-        np.arange(start, end, CELL) + CELL / 2
-        for start, end in ((left, right), (low, high))
-    )
-    rows, columns = (
-        np.rint((middles + half_width(heights)) / GRID_SPACING).astype(int)
-        for middles in (y, x)
-    )
-    return np.rint(100 * heights[np.ix_(rows, columns)]).astype(int).ravel().tolist()
+    seen = heights[np.ix_(indices(low, high), indices(left, right))]
+    return np.rint(100 * seen).astype(int).ravel().tolist()
 
 
 def _knob(name: str) -> Knob:
@@ -141,14 +139,8 @@ def _knob(name: str) -> Knob:
 
 def _knob_json(knob: Knob) -> dict[str, Any]:
     """A knob as JSON types, with its values in its unit."""
-    return {
-        "name": knob.name,
-        "label": knob.label,
-        "unit": knob.unit,
-        "values": knob.values,
-        "shown": [round(knob.shown * value, 6) for value in knob.values],
-        "start": knob.values.index(knob.start),
-    }
+    shown = [round(knob.shown * value, 6) for value in knob.values]
+    return knob._asdict() | {"shown": shown, "start": knob.values.index(knob.start)}
 
 
 def _bodies(robots: list[Robot]) -> list[list[dict[str, Any]]]:
@@ -156,16 +148,12 @@ def _bodies(robots: list[Robot]) -> list[list[dict[str, Any]]]:
 
     `heave` tells the heave of the axles from the travel of the struts.
     """
-    return [
-        [
-            {
-                "skeleton": rover_skeleton(robot, brakes),
-                "heave": heave_curves(robot, brakes),
-            }
-            for brakes in BRAKES
-        ]
-        for robot in robots
-    ]
+
+    def drawn(robot: Robot, brakes: bool) -> dict[str, Any]:
+        heave = heave_curves(robot, brakes)
+        return {"skeleton": rover_skeleton(robot, brakes), "heave": heave}
+
+    return [[drawn(robot, brakes) for brakes in BRAKES] for robot in robots]
 
 
 def contents() -> dict[str, Any]:

@@ -60,14 +60,7 @@ def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
 def predicted_track(
     states: np.ndarray, skeleton: Skeleton, name: str, colour: str
 ) -> Track:
-    """The track of a ghost that moves through predicted states (K + 1, 13).
-
-    Args:
-        states: (K + 1, 13), one per control step.
-        skeleton: shape of the robot.
-        name: name of the model.
-        colour: colour of the ghost.
-    """
+    """The track of a model's ghost through predicted states (K + 1, 13)."""
     _, track, radius = ROVER_WHEELS
     position, turn = states[:, POSITION], states[:, QUATERNION]
     joints = np.zeros((len(states), ROVER_JOINTS))
@@ -77,16 +70,10 @@ def predicted_track(
 
 
 def rollout_scene(rows: Sequence[Any], number: int) -> Scene:
-    """A drive of Figure 4: the robot, and the paths that models predict.
+    """A stored drive of Figure 4: the robot, and the paths that models predict.
 
-    Args:
-        rows: rows of the results store for one system; the trials with SEED, MINUTES
-            and METHODS are shown.
-        number: of the stored drive.
-
-    Raises:
-        ValueError: no such row is stored, or the robot's path differs from its path at
-            the time of these trials.
+    Of a system's rows, those with SEED, MINUTES and METHODS are shown. ValueError says
+    that there is none, or that the robot's path differs from that of these trials.
     """
     from companion.figures.style import METHOD_STYLES
 

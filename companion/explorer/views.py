@@ -25,14 +25,8 @@ LINES = tuple(
 PALER = 0.45  # opacity of a robot's second line in a plot
 MARGIN = 1.0  # m of ground shown around the paths
 # Fixed margins: a slider's picture is drawn twice as fast as with automatic layout.
-ROOM = {
-    "left": 0.085,
-    "right": 0.99,
-    "bottom": 0.07,
-    "top": 0.95,
-    "wspace": 0.22,
-    "hspace": 0.28,
-}
+ROOM = {"left": 0.085, "right": 0.99, "bottom": 0.07, "top": 0.95}
+ROOM |= {"wspace": 0.22, "hspace": 0.28}
 STOP: dict[str, Any] = {"lw": 0.8, "color": "0.3", "linestyle": ":", "marker": ""}
 SHAPE = 3.6  # width of the path's plot divided by its height
 PLOTS: Any = [["height", "tilt"], ["front", "rear"], ["path", "path"]]

@@ -6,7 +6,7 @@ All paths grow together, step by step.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -14,7 +14,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from PIL import Image
 
 from companion.figures.style import draw_ground, half_width, legend_below
@@ -37,21 +36,8 @@ def film(
     A shorter path stays at its end; each has a style with a label. The ground has
     heights (H, W), m; a goal (2,) is marked.
     """
-    longest = max(len(path) for path in paths)
-    padded = [
-        np.vstack([path, np.repeat(path[-1:], longest - len(path), axis=0)])
-        for path in paths
-    ]
-    return _gif(_frames(padded, styles, heights, goal))
-
-
-def _frames(
-    paths: Sequence[np.ndarray],
-    styles: Sequence[dict],
-    heights: np.ndarray,
-    goal: np.ndarray | None,
-) -> list[Image.Image]:
-    """One frame per step of paths (K + 1, 2)."""
+    longest = max(map(len, paths))
+    paths = [path[np.arange(longest).clip(max=len(path) - 1)] for path in paths]
     points = np.concatenate([*paths, *([] if goal is None else [goal[None]])])
     frames = []
     with plt.style.context(STYLE):
@@ -66,8 +52,14 @@ def _frames(
         legend_below(figure, [axes])
         # in the order of drawing: later ones cover earlier ones
         moving = [*lines, *heads, *marks, axes.set_title("0.0 s")]
-        canvas, still = _background(figure, moving)
-        for step in range(len(paths[0])):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()  # lays everything out, including the title
+        for artist in moving:
+            artist.set_animated(True)
+        canvas.draw()
+        # what does not move is drawn once, which saves most of the time of each frame
+        still = canvas.copy_from_bbox(figure.bbox)
+        for step in range(longest):
             for path, line, head in zip(paths, lines, heads, strict=True):
                 line.set_data(*path[: step + 1].T)
                 head.set_data(*path[step : step + 1].T)
@@ -75,9 +67,14 @@ def _frames(
             canvas.restore_region(still)
             for artist in moving:
                 axes.draw_artist(artist)
-            frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+            frame = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+            method, dither = Image.Quantize.FASTOCTREE, Image.Dither.NONE
+            frames.append(frame.quantize(128, method, dither=dither))
         plt.close(figure)
-    return frames
+    times = [round(1000 * CONTROL_STEP)] * (len(frames) - 1) + [round(1000 * HELD)]
+    file, more = io.BytesIO(), {"append_images": frames[1:], "duration": times}
+    frames[0].save(file, "gif", save_all=True, loop=0, **more)
+    return file.getvalue()
 
 
 def _draw_surroundings(axes: Axes, points: np.ndarray, heights: np.ndarray) -> None:
@@ -89,38 +86,8 @@ def _draw_surroundings(axes: Axes, points: np.ndarray, heights: np.ndarray) -> N
     middle = (points.max(0) + points.min(0)) / 2
     ends = middle + np.array([[-reach], [reach]])
     indices = ((ends + half_width(heights)) / GRID_SPACING).round().astype(int)
-    (first_column, first_row), (last_column, last_row) = indices
-    seen = heights[
-        max(first_row, 0) : last_row + 1, max(first_column, 0) : last_column + 1
-    ]
+    (left, low), (right, high) = indices.clip(0)
+    seen = heights[low : high + 1, left : right + 1]
     lowest, relief = seen.min(), max(float(np.ptp(seen)), 0.05)
     draw_ground(axes, heights, lowest, lowest + 1.5 * relief)
     axes.set(xlim=ends[:, 0], ylim=ends[:, 1], xlabel="x (m)", ylabel="y (m)")
-
-
-def _background(
-    figure: Figure, moving: Iterable[Artist]
-) -> tuple[FigureCanvasAgg, Any]:
-    """The canvas of a figure, and its picture without the artists that move.
-
-    The picture is drawn once; this saves most of the time of each frame.
-    """
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()  # lays everything out, including the title
-    for artist in moving:
-        artist.set_animated(True)
-    canvas.draw()
-    return canvas, canvas.copy_from_bbox(figure.bbox)
-
-
-def _gif(frames: list[Image.Image]) -> bytes:
-    small = [
-        frame.quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        for frame in frames
-    ]
-    times = [round(1000 * CONTROL_STEP)] * (len(small) - 1) + [round(1000 * HELD)]
-    file = io.BytesIO()
-    small[0].save(
-        file, "gif", save_all=True, append_images=small[1:], duration=times, loop=0
-    )
-    return file.getvalue()

@@ -5,11 +5,10 @@ Figures are safe for colour-blind readers and opaque, with units on every axis.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import (
@@ -43,7 +42,15 @@ def figure3(
     figure, plots = system_panels(frame, systems, **LOSS_BY_SIZE)
     crowded = len(methods) > MOST_INSIDE
     for system, (axes, rows) in zip(systems, plots, strict=True):
-        sizes = _curves(axes, rows, system, methods)
+        sizes: set[float] = set()
+        for method in methods:
+            results = unique_results(rows, system, [method])
+            results = results[["novice_minutes", "validation_loss"]].astype(float)
+            if len(results):
+                by_size = results.groupby("novice_minutes").validation_loss
+                losses = by_size.agg(["mean", "min", "max"])
+                mean_and_range(axes, losses, **METHOD_STYLES[method])
+                sizes |= set(losses.index)
         expert_only = rows[rows.method == "expert_only"].validation_loss
         if len(expert_only):
             style = METHOD_STYLES["expert_only"] | {"marker": "", "linestyle": ":"}
@@ -54,31 +61,6 @@ def figure3(
     if crowded:
         legend_below(figure, figure.axes)
     return figure
-
-
-def _curves(
-    axes: Axes, frame: pd.DataFrame, system: str, methods: Sequence[str]
-) -> set[float]:
-    """Draw the curves of Figure 3 for some methods, and return their sizes, min."""
-    drawn: set[float] = set()
-    for method in methods:
-        rows = unique_results(frame, system, [method])
-        if len(rows):
-            minutes = rows.novice_minutes.astype(float)
-            by_size = rows.validation_loss.astype(float).groupby(minutes)
-            losses = by_size.agg(["mean", "min", "max"])
-            mean_and_range(axes, losses, **METHOD_STYLES[method])
-            drawn |= set(losses.index)
-    return drawn
-
-
-def by_method_and_size(
-    frame: pd.DataFrame,
-) -> Iterator[tuple[str, float, pd.DataFrame]]:
-    """Yield method, size and results of each group, sorted in descending order."""
-    groups = list(frame.groupby(["method", "novice_minutes"]))
-    for (method, minutes), group in reversed(groups):
-        yield str(method), float(minutes), group
 
 
 def size_style(method: str, index: int) -> dict[str, Any]:

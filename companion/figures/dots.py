@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import METHOD_STYLES, share_labels
@@ -37,8 +36,8 @@ def dot_plot(
         panels: titles of the plots, in their order; that of the table by default.
         ticks: places of the ticks, those in the range of the data.
     """
-    found = set(table.panel)
-    names = [name for name in panels or dict.fromkeys(table.panel) if name in found]
+    names = list(dict.fromkeys(table.panel))
+    names = [name for name in panels or names if name in names]
     lines = _lines(table)
     drawn, plots = side_by_side(max(1, len(names)))
     drawn.set_size_inches(WIDTH, AROUND + ROW * max(5, len(lines)))
@@ -49,11 +48,26 @@ def dot_plot(
     for axes, name in zip(plots, names, strict=False):
         axes.axvline(1.0, color="0.5", linestyle=":", marker="", zorder=0)
         axes.set(title=name, xscale="log", xlabel=xlabel, xlim=limits)
-        _draw(axes, table[table.panel == name], lines)
+        rows = table[table.panel == name]
+        heights = [lines.index(line) for line in zip(rows.group, rows.row, strict=True)]
+        colours = [
+            METHOD_STYLES[method]["color"] if method in COLOURED else NEUTRAL
+            for method in rows.method
+        ]
+        axes.hlines(heights, rows.low, rows.high, colors=colours, linewidth=1.6)
+        axes.scatter(rows.value, heights, c=colours, s=38, zorder=3)
+        place = axes.get_yaxis_transform()
+        for height, value in zip(heights, rows.value, strict=True):
+            text = f"{value:#.2g}".rstrip(".")
+            axes.text(1.02, height, text, fontsize=10, va="center", transform=place)
     for axes in plots:
         finish(axes, ticks if len(ends) else (), legend=False)
     if lines:
-        _name_rows(plots[0], lines)
+        first = plots[0]
+        first.set_yticks(range(len(lines)), [row or group for group, row in lines])
+        first.set_ylim(len(lines) - 0.5, -0.5)
+        for label, (_, row) in zip(first.get_yticklabels(), lines, strict=True):
+            label.set_fontweight("normal" if row else "bold")
         share_labels(plots)
     return drawn
 
@@ -65,26 +79,3 @@ def _lines(table: pd.DataFrame) -> list[tuple[str, str]]:
         lines += [(str(group), "")] if group else []
         lines += [(str(group), row) for row in dict.fromkeys(rows.row)]
     return lines
-
-
-def _draw(axes: Axes, rows: pd.DataFrame, lines: Sequence[tuple[str, str]]) -> None:
-    """Draw the dots of a plot, their intervals, and their numbers to the right."""
-    heights = [lines.index(line) for line in zip(rows.group, rows.row, strict=True)]
-    colours = [
-        METHOD_STYLES[method]["color"] if method in COLOURED else NEUTRAL
-        for method in rows.method
-    ]
-    axes.hlines(heights, rows.low, rows.high, colors=colours, linewidth=1.6)
-    axes.scatter(rows.value, heights, c=colours, s=38, zorder=3)
-    for height, value in zip(heights, rows.value, strict=True):
-        text = f"{value:#.2g}".rstrip(".")
-        place = axes.get_yaxis_transform()
-        axes.text(1.02, height, text, fontsize=10, va="center", transform=place)
-
-
-def _name_rows(axes: Axes, lines: Sequence[tuple[str, str]]) -> None:
-    """Write the names of the rows, and the headings in bold."""
-    axes.set_yticks(range(len(lines)), [row or group for group, row in lines])
-    axes.set_ylim(len(lines) - 0.5, -0.5)
-    for label, (_, row) in zip(axes.get_yticklabels(), lines, strict=True):
-        label.set_fontweight("normal" if row else "bold")

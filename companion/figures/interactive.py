@@ -13,7 +13,7 @@ from typing import Any
 import altair as alt
 import pandas as pd
 
-from companion.figures.style import METHOD_STYLES, system_label
+from companion.figures.style import METHOD_LABELS, METHOD_STYLES, system_label
 from companion.statistics.savings import ratio_texts
 
 INK, FAINT, PAPER = "#222832", "#d8d8d8", "#ffffff"  # in light mode and elsewhere
@@ -60,16 +60,27 @@ def figure3(
     styles = [METHOD_STYLES[name] for name in methods]
     labels = [style["label"] for style in styles]
     colours = [style["color"] for style in styles]
-    dashes = [_dashes(style["linestyle"]) for style in styles]
+    lines = [style["linestyle"] for style in styles]  # a name or (offset, dashes)
+    dashes = [DASHES[one] if isinstance(one, str) else [*one[1]] for one in lines]
     systems = list(dict.fromkeys(frame.system))
     radio = alt.binding_radio(
         options=systems, labels=[*map(system_label, systems)], name="pair of robots: "
     )
     system = alt.param(name="system", value=(systems or [""])[0], bind=radio)
     shown = alt.selection_point(name="shown", fields=["method"], bind="legend")
+    # the labels of the methods that the chosen system has, as Vega computes them
+    drawn = {
+        name: [METHOD_LABELS[method] for method in methods if method in set(of)]
+        for name, of in frame.groupby("system").method
+    }
+    legend = alt.Legend(
+        orient="bottom",
+        columns=alt.ExprRef("width < 400 ? 1 : 2"),  # one on a telephone
+        labelLimit=300,
+        values=alt.ExprRef(f"({json.dumps(drawn)})[system]"),
+    )
+    log = alt.Scale(type="log", nice=False)
     minutes = sorted(frame.novice_minutes.unique())
-    # one column of the legend on a telephone
-    columns = alt.ExprRef("width < 400 ? 1 : 2")
     base = (
         alt.Chart()
         .transform_filter("datum.system == system")
@@ -77,87 +88,68 @@ def figure3(
             x=alt.X(
                 "minutes:Q",
                 title="novice data (min)",
-                scale=alt.Scale(type="log", nice=False),
+                scale=log,
                 axis=alt.Axis(values=minutes, format="~g", grid=False),
             ),
             color=alt.Color(
                 "method:N",
                 title="click to show one",
                 scale=alt.Scale(domain=labels, range=colours),
-                legend=alt.Legend(
-                    orient="bottom",
-                    columns=columns,
-                    labelLimit=300,
-                    values=_drawn_methods(frame, methods),
-                ),
+                legend=legend,
             ),
             opacity=alt.condition(shown, alt.value(1), alt.value(0.06)),
         )
     )
     ticks = [0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.7, 1, 2, 5]
-    y = alt.Y(
-        "loss:Q",
-        title="validation loss",
-        scale=alt.Scale(type="log", nice=False),
-        axis=alt.Axis(values=ticks, format="~g"),
-    )
+    axis = alt.Axis(values=ticks, format="~g")
+    y = alt.Y("loss:Q", title="validation loss", scale=log, axis=axis)
     seeds = base.mark_circle(size=18).encode(
-        y=y, tooltip=["method:N", "minutes:Q", "seed:Q", _number("loss", "loss")]
+        y=y,
+        tooltip=[
+            "method:N",
+            "minutes:Q",
+            "seed:Q",
+            alt.Tooltip("loss:Q", title="loss", format=".3f"),
+        ],
     )
     dash = alt.Scale(domain=labels, range=dashes)
-    lines = base.mark_line().encode(
+    curves = base.mark_line().encode(
         y=y, strokeDash=alt.StrokeDash("method:N", scale=dash, legend=None)
     )
-    times = alt.Tooltip("saved:N", title="data without SIDM, same loss")
     means = base.mark_point(filled=True, size=70).encode(
-        y=y, tooltip=["method:N", "minutes:Q", _number("loss", "mean loss"), times]
+        y=y,
+        tooltip=[
+            "method:N",
+            "minutes:Q",
+            alt.Tooltip("loss:Q", title="mean loss", format=".3f"),
+            alt.Tooltip("saved:N", title="data without SIDM, same loss"),
+        ],
     )
-    points = alt.Data(values=_means(frame, saved, methods).to_dict("records"))
-    trials = alt.Data(values=_seeds(frame, methods).to_dict("records"))
+    rows = _seeds(frame, methods)
+    trials = alt.Data(values=rows.to_dict("records"))
+    points = alt.Data(values=_means(rows, saved).to_dict("records"))
     chart = alt.layer(
         seeds.properties(data=trials),
-        lines.properties(data=points),
+        curves.properties(data=points),
         means.properties(data=points),
     )
     return themed(chart.add_params(system, shown).properties(height=330), words)
-
-
-def _drawn_methods(frame: pd.DataFrame, methods: Sequence[str]) -> Any:
-    """The labels of the methods that the chosen system has, as Vega computes them."""
-    labels = {
-        system: [METHOD_STYLES[name]["label"] for name in methods if name in set(of)]
-        for system, of in frame.groupby("system").method
-    }
-    return alt.ExprRef(f"({json.dumps(labels)})[system]")
-
-
-def _dashes(line: Any) -> list[int]:
-    """Dashes of Vega for a line style of Matplotlib, a name or (offset, dashes)."""
-    return DASHES[line] if isinstance(line, str) else [*line[1]]
-
-
-def _number(field: str, title: str) -> Any:
-    return alt.Tooltip(f"{field}:Q", title=title, format=".3f")
-
-
-def _labels(methods: pd.Series) -> pd.Series:
-    return methods.map(lambda name: METHOD_STYLES[name]["label"])
 
 
 def _seeds(frame: pd.DataFrame, methods: Sequence[str]) -> pd.DataFrame:
     columns = ["system", "method", "novice_minutes", "seed", "validation_loss"]
     rows = frame[frame.method.isin(methods)][columns]
     names = {"novice_minutes": "minutes", "validation_loss": "loss"}
-    return rows.assign(method=_labels(rows.method)).rename(columns=names).round(4)
+    labels = rows.method.map(METHOD_LABELS)
+    return rows.assign(method=labels).rename(columns=names).round(4)
 
 
-def _means(
-    frame: pd.DataFrame, saved: pd.DataFrame, methods: Sequence[str]
-) -> pd.DataFrame:
+def _means(seeds: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
     """One row per system, method and size: the mean `loss`, and `saved` as text."""
     point = ["system", "method", "minutes"]
-    means = _seeds(frame, methods).groupby(point).loss.mean().reset_index()
-    times = saved.assign(method=_labels(saved.method), saved=ratio_texts(saved))
+    means = seeds.groupby(point).loss.mean().reset_index()
+    labels = saved.method.map(METHOD_LABELS)
+    times = saved.assign(method=labels, saved=ratio_texts(saved))
     times = times[times.against == "novice_only"]
     times = times.rename(columns={"novice_minutes": "minutes"})[[*point, "saved"]]
     # without savings or results a column has no type of its own

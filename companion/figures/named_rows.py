@@ -21,12 +21,9 @@ HOLLOW = {"markerfacecolor": "white"}
 def dot_plots(
     count: int, rows: int, height: float = HEIGHT
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` plots beside each other, each with room for rows of dots.
+    """A figure of plots beside each other, each with room for rows of dots.
 
-    Args:
-        count: number of plots.
-        rows: number of rows in each plot.
-        height: of a row with its name, inch.
+    A row with its name has a height in inches.
     """
     figure, panels = side_by_side(count)
     width = WIDTH if count == 1 else 3.9 * count
@@ -35,25 +32,16 @@ def dot_plots(
 
 
 def name_rows(axes: Axes, names: Sequence[str], values: Sequence[str] = ()) -> None:
-    """Write names above the rows 0, 1, ... of a plot, the first on top.
+    """Write names above the rows y = 0, 1, ... of a plot, the first on top.
 
-    Args:
-        axes: the plot, whose rows are at y = 0, 1, ...
-        names: of the rows.
-        values: texts at the right end of the rows, such as a range.
+    `values` are texts at the right end of the rows, such as a range.
     """
     axes.set_ylim(len(names) - 0.55, -0.85)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    across = axes.get_yaxis_transform()
-    under = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    plain: dict[str, Any] = {
-        "transform": across,
-        "fontsize": 9.5,
-        "va": "bottom",
-        "zorder": 1,
-    }
-    plain |= {"bbox": under}
+    plain: dict[str, Any] = {"fontsize": 9.5, "va": "bottom", "zorder": 1}
+    plain["transform"] = axes.get_yaxis_transform()
+    plain["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
     for row, name in enumerate(names):
         axes.axhline(row, color="#DDDDDD", lw=0.6, linestyle="-", marker="", zorder=0)
         axes.text(0.0, row - 0.22, name, ha="left", **plain)

@@ -9,10 +9,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.figures.curves import by_method_and_size, size_style
-from companion.figures.style import METHOD_STYLES, legend_below
+from companion.figures.curves import size_style
+from companion.figures.style import METHOD_LABELS, legend_below
 from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
+
+#: Time of a prediction with its unit -> index of its step.
+STEPS = {"0.5 s (m)": 4, "1 s (m)": 9, "2.5 s (m)": 24}
 
 
 @styled
@@ -27,10 +30,10 @@ def figure4(frame: pd.DataFrame, seed: int = 0) -> Figure:
     left.set(title="all test drives")
     right.set(xlabel="x (m)", ylabel="y (m)", title="one of them from above")
     sizes = sorted(frame.novice_minutes.unique())
-    for method, minutes, group in by_method_and_size(frame):
+    groups = list(frame.groupby(["method", "novice_minutes"]))
+    for (method, minutes), group in reversed(groups):
         style = size_style(method, sizes.index(minutes))
-        label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
-        draw_deviation(left, group, label, style)
+        draw_deviation(left, group, f"{METHOD_LABELS[method]}, {minutes:g} min", style)
         for path in group[group.seed == seed].example_predicted:
             right.plot(*np.array(path).T, **style)  # the styles of the left plot
     for path in frame[frame.seed == seed].example_actual[:1]:
@@ -57,10 +60,6 @@ def draw_deviation(
         axes.fill_between(time, mean - error, mean + error, **shade)
 
 
-#: Time of a prediction with its unit -> index of its step.
-STEPS = {"0.5 s (m)": 4, "1 s (m)": 9, "2.5 s (m)": 24}
-
-
 def mean_errors(frame: pd.DataFrame) -> pd.DataFrame:
     """Mean errors of predicted paths, by size of the novice's data and method.
 
@@ -82,6 +81,5 @@ def page_table(frame: pd.DataFrame) -> pd.DataFrame:
         return pd.DataFrame()
     parts = {name: mean_errors(rows) for name, rows in frame.groupby("system")}
     table = pd.concat(parts, names=["system"]).reset_index()
-    labels = table.method.map(lambda name: METHOD_STYLES[name]["label"])
-    table = table.assign(method=labels)
+    table = table.assign(method=table.method.map(METHOD_LABELS))
     return table.rename(columns={"novice_minutes": "novice data (min)"})

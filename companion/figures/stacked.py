@@ -100,24 +100,24 @@ def _padded(row: Row) -> Row:
 
 
 def _plots(figure: Figure) -> dict[Axes, BboxBase]:
-    """Each plot with its box, which includes the bar of colours next to it."""
-    boxes = {axes: _extent(axes) for axes in figure.axes}
-    drawn = {axes: box for axes, box in boxes.items() if box is not None}
-    bars = [axes for axes in drawn if axes.get_label() == "<colorbar>"]
-    plots = {axes: box for axes, box in drawn.items() if axes not in bars}
-    for bar in bars:
-        left = drawn[bar].x0
-        nearest = min(plots, key=lambda axes: abs(plots[axes].x1 - left))
-        plots[nearest] = Bbox.union([plots[nearest], drawn[bar]])
+    """Each plot with its box, labels and the bar of colours next to it included.
+
+    Of an empty plot there is its legend at most.
+    """
+    boxes: dict[Axes, BboxBase | None] = {}
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        if axes.axison or axes.has_data():
+            boxes[axes] = axes.get_tightbbox()
+        elif legend is not None:
+            boxes[axes] = legend.get_window_extent()
+    plots = {axes: box for axes, box in boxes.items() if box is not None}
+    bars = [axes for axes in plots if axes.get_label() == "<colorbar>"]
+    for bar in [plots.pop(axes) for axes in bars]:
+        distances = {axes: abs(box.x1 - bar.x0) for axes, box in plots.items()}
+        nearest = min(distances, key=distances.__getitem__)
+        plots[nearest] = Bbox.union([plots[nearest], bar])
     return plots
-
-
-def _extent(axes: Axes) -> BboxBase | None:
-    """Box of a plot with its labels; of an empty one only its legend's, or None."""
-    if axes.axison or axes.has_data():
-        return axes.get_tightbbox()
-    legend = axes.get_legend()
-    return legend.get_window_extent() if legend is not None else None
 
 
 def _rows(axes: Axes, box: BboxBase) -> list[Row]:
@@ -137,21 +137,20 @@ def _rows(axes: Axes, box: BboxBase) -> list[Row]:
 
 def _labels(axes: Axes, which: str) -> BboxBase | None:
     """Place of the labels of an axis that another plot has for this one, or None."""
-    if _has_labels(axes, which):
+
+    def axis_with_labels(one: Axes) -> Any:
+        axis = getattr(one, f"{which}axis")
+        return axis if axis.get_tick_params().get(LABELS[which], True) else None
+
+    if axis_with_labels(axes):
         return None
-    side, corner = f"{which}axis", f"{which}0"
-    place = getattr(axes.get_window_extent(), corner)
-    siblings = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
-    for other in filter(lambda sibling: _has_labels(sibling, which), siblings):
-        difference = getattr(other.get_window_extent(), corner) - place
-        if abs(difference) < 1:  # pixel: in the same row or column
-            return getattr(other, side).get_tightbbox()
+    place = getattr(axes.get_window_extent(), f"{which}0")
+    for other in getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes):
+        axis = axis_with_labels(other)
+        difference = getattr(other.get_window_extent(), f"{which}0") - place
+        if axis and abs(difference) < 1:  # pixel: in the same row or column
+            return axis.get_tightbbox()
     return None
-
-
-def _has_labels(axes: Axes, which: str) -> bool:
-    axis = getattr(axes, f"{which}axis")
-    return axis.get_tick_params().get(LABELS[which], True)
 
 
 def _entries(legend: Legend) -> Row:

@@ -64,6 +64,8 @@ METHOD_STYLES |= {  # with settings for little data: see `studies.tuning`
         ("novice_only", "#E69F00", "^"),
     )
 }
+#: Method -> its label.
+METHOD_LABELS = {name: style["label"] for name, style in METHOD_STYLES.items()}
 #: Styles of the two robots where a figure tells them apart: neutral, since colours are
 #: those of methods.
 ROLE_STYLES: dict[str, dict[str, Any]] = {

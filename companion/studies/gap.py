@@ -38,20 +38,12 @@ NAME = "gap.json"
 
 #: Components of the motion since the start, in the frame of the start, and the
 #: velocities, with their units.
-COMPONENTS = {
-    "forward": "m",
-    "sideways": "m",
-    "up": "m",
-    "roll": "rad",
-    "pitch": "rad",
-    "heading": "rad",
-    "forward velocity": "m/s",
-    "sideways velocity": "m/s",
-    "upward velocity": "m/s",
-    "roll rate": "rad/s",
-    "pitch rate": "rad/s",
-    "yaw rate": "rad/s",
-}
+COMPONENTS = (
+    dict.fromkeys(["forward", "sideways", "up"], "m")
+    | dict.fromkeys(["roll", "pitch", "heading"], "rad")
+    | {f"{way} velocity": "m/s" for way in ("forward", "sideways", "upward")}
+    | {f"{turn} rate": "rad/s" for turn in ("roll", "pitch", "yaw")}
+)
 
 
 def simulate_components(system: str, starts: Sequence[int]) -> np.ndarray:

@@ -12,7 +12,7 @@ import dataclasses
 import pandas as pd
 
 from companion.bodies import NOVICES
-from companion.figures.style import METHOD_STYLES
+from companion.figures.style import METHOD_LABELS
 from companion.methods import ANY_BODIES
 from companion.statistics.pairs import page_table, paired_comparison
 from companion.statistics.tables import wide
@@ -55,6 +55,6 @@ def for_page(table: pd.DataFrame) -> pd.DataFrame:
     """A table made by `table` as a page shows it: a column for each size."""
     shown = page_table(table, 2, novice_body="novice")
     shown["minutes"] = [f"with {m:g} min" for m in table.novice_minutes]
-    shown["loss by that of"] = [METHOD_STYLES[name]["label"] for name in table.against]
+    shown["loss by that of"] = table.against.map(METHOD_LABELS)
     keys = ["novice", "loss by that of"]
     return wide(shown, keys, "minutes", "ratio (95 % interval)")

@@ -34,23 +34,21 @@ NAME = "overlap.json"
 
 
 class Neighbourhood(NamedTuple):
-    """How one robot's steps compare with the novice's validation steps nearest to them.
+    """How near one robot's steps are to the novice's validation steps."""
 
-    Attributes:
-        distance: median distance to the nearest step, in standard deviations of each of
-            the expert's inputs
-        uncovered: share of validation steps farther from this robot's nearest step than
-            the quantile FAR of the distances to the novice's own
-        loss: equation (1) of the mean transition of the NEIGHBOURS nearest steps
-    """
-
+    #: median to the nearest step, in standard deviations of each of the expert's inputs
     distance: float
+    #: share of validation steps farther from this robot's nearest step than the
+    #: quantile FAR of the distances to the novice's own
     uncovered: float
-    loss: float
+    loss: float  # equation (1) of the mean transition of the NEIGHBOURS nearest steps
 
 
-def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Inputs (count, 11) and transitions (count, 13) of evenly spaced steps."""
+Steps = tuple[np.ndarray, np.ndarray]  # inputs (N, 11) and transitions (N, 13)
+
+
+def steps(trajectories: list[Drive], count: int) -> Steps:
+    """So many evenly spaced steps, at most."""
     # here, since stored neighbourhoods are read without PyTorch
     from sidm.learning.dataset import states_and_actions
     from sidm.learning.observation import encode_inputs, transition
@@ -64,14 +62,9 @@ def steps(trajectories: list[Drive], count: int) -> tuple[np.ndarray, np.ndarray
 
 
 def neighbourhoods(
-    expert: tuple[np.ndarray, np.ndarray],
-    novice: tuple[np.ndarray, np.ndarray],
-    queries: tuple[np.ndarray, np.ndarray],
+    expert: Steps, novice: Steps, queries: Steps
 ) -> dict[str, Neighbourhood]:
-    """Compare the expert's and the novice's steps with the novice's validation steps.
-
-    Each is a pair of inputs (N, 11) and transitions (N, 13).
-    """
+    """Compare both robots' steps with the novice's validation steps."""
     scale = np.maximum(expert[0].std(axis=0), 1e-9)
     nearest, losses = {}, {}
     for role, (inputs, targets) in {"expert": expert, "novice": novice}.items():
@@ -112,9 +105,7 @@ def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:
     """The stored neighbourhoods by system and robot; empty if none are stored."""
     stored = read_or_empty(Path(results) / NAME)
     return {
-        system: {
-            role: Neighbourhood(*values) for role, values in stored[system].items()
-        }
+        system: {role: Neighbourhood(*row) for role, row in stored[system].items()}
         for system in PAPER_SYSTEMS
         if system in stored
     }

@@ -10,8 +10,6 @@ Figure 3, on motion of the decisive experiment.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from companion.engine.records import records_of
 from companion.studies.decisive.recipes import on_fresh_motion, without_early_stopping
 from companion.studies.latent_space.measure import Diagnosis, measure, motion
@@ -23,37 +21,11 @@ __all__ = ["jobs", "measure", "motion", "records"]
 MINUTES = 5.0  # of novice data
 SAMPLES = 500_000  # half the cap of Figure 3; the strongest take five times as long
 SEEDS = range(3)
-
-
-class Strength(NamedTuple):
-    """Iterations in each phase, after 100 prediction iterations."""
-
-    discriminator: int
-    matching: int
-
-    @property
-    def words(self) -> str:
-        """The two numbers as a figure writes them."""
-        return f"{self.discriminator} / {self.matching}" if self.matching else "none"
-
-    @property
-    def changes(self) -> dict[str, int]:
-        """Changes of a preset; none without the adversary."""
-        names = "discriminator_iterations", "matching_iterations"
-        return dict(zip(names, self, strict=True)) if self.matching else {}
-
-
-NONE = Strength(0, 0)  # without the adversary
-PAPER = Strength(20, 20)  # the paper has 20 matching iterations
-STRENGTHS = (
-    NONE,
-    PAPER,
-    Strength(20, 100),
-    Strength(100, 100),
-    Strength(20, 500),
-)
-#: Weights of the discriminator's loss in the encoders' gradient; 0.1 is the
-#: default, which the chapter on rivals has.
+#: Iterations of the discriminator and of the matching in each phase, after 100
+#: prediction iterations; the paper has 20 of the matching.
+PHASES = ((20, 20), (20, 100), (100, 100), (20, 500))
+#: Weights of the discriminator's loss in the encoders' gradient; 0.1 is the default,
+#: which the chapter on rivals has.
 REVERSAL_WEIGHTS = (0.01, 0.1, 1.0, 10.0)
 
 #: the stored results, under a folder of results
@@ -63,16 +35,13 @@ records = records_of(Diagnosis, "adversary")
 def jobs(study: Study, system: str) -> list[Trial]:
     """The trials whose latents are measured, seed by seed."""
     fresh = on_fresh_motion(study).changed(**without_early_stopping(SAMPLES))
-    variants = [
-        (
-            "sidm" if strength.matching else "no_regularisation",
-            fresh.changed(**strength.changes),
-        )
-        for strength in STRENGTHS
-    ] + [
-        ("gradient_reversal", fresh.changed(reversal_weight=weight))
-        for weight in REVERSAL_WEIGHTS
-    ]
+    variants = [("no_regularisation", fresh)]
+    for discriminator, matching in PHASES:
+        phases = {"discriminator_iterations": discriminator}
+        phases |= {"matching_iterations": matching}
+        variants.append(("sidm", fresh.changed(**phases)))
+    for weight in REVERSAL_WEIGHTS:
+        variants.append(("gradient_reversal", fresh.changed(reversal_weight=weight)))
     return [
         variant.trial(system, method, MINUTES, seed)
         for seed in SEEDS

@@ -8,7 +8,6 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.beyond.drivers import ARRIVED
@@ -48,11 +47,9 @@ def figure(scores: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figu
         models = shown[shown.method != ""]
         for number, (method, group) in enumerate(models.groupby("method", sort=False)):
             reach = np.abs(group[["low", "high"]].sub(group.arrived, axis=0)).T
-            style = dict(METHOD_STYLES[str(method)])
-            if method in SHORT:
-                style["label"] = SHORT[str(method)]
             # side by side, so that bars do not cover each other
             minutes = group.novice_minutes * (0.92 + 0.08 * number)
+            style = METHOD_STYLES[str(method)] | {"label": SHORT[str(method)]}
             style |= {"linestyle": "", "capsize": 3}
             axes.errorbar(minutes, group.arrived, reach, **style)
         if len(models):
@@ -76,10 +73,6 @@ def episode_paths(
     """
     rows = table[table.system == system]
     sizes = sorted(rows[rows.method != ""].novice_minutes.unique(), reverse=True)
-    shades = {
-        size: 1 - 0.65 * rank / max(len(sizes) - 1, 1)
-        for rank, size in enumerate(sizes)
-    }
     stored = rows[rows.episode == number].dropna(subset="path")
     paths = []
     for row in stored.drop_duplicates(DRIVER).itertuples():
@@ -87,7 +80,8 @@ def episode_paths(
         if row.method:
             method_style = METHOD_STYLES[row.method]
             style = {name: method_style[name] for name in ("color", "linestyle")}
-            style["alpha"] = shades[row.novice_minutes]
+            rank = sizes.index(row.novice_minutes)
+            style["alpha"] = 1 - 0.65 * rank / max(len(sizes) - 1, 1)
         text = label(row.driver, row.method, row.novice_minutes)
         paths.append((row.path, style | {"label": text}))
     return paths
@@ -101,56 +95,36 @@ def paths_figure(table: pd.DataFrame, system: str) -> Figure:
     """
     figure, panels = side_by_side(SHOWN, columns=2)
     for number, axes in enumerate(panels):
-        axes.set(
-            xlabel="x (m)", ylabel="y (m)", title=f"episode {number}", aspect="equal"
-        )
-        paths = episode_paths(table, system, number)
-        if paths:
-            _draw_paths(axes, system, number, paths)
+        title = f"episode {number}"
+        axes.set(xlabel="x (m)", ylabel="y (m)", title=title, aspect="equal")
+        if paths := episode_paths(table, system, number):
+            heights, _, goal = episode(system, number)
+            draw_ground(axes, heights, heights.min(), heights.max())
+            for path, style in paths:
+                axes.plot(*path.T, marker="", **style)
+            axes.scatter(0, 0, s=16, color="black", zorder=3)
+            axes.add_patch(plt.Circle(tuple(goal), ARRIVED, fill=False, color="black"))
+            points = np.vstack([goal[None], *(path for path, _ in paths)])
+            middle = (points.max(0) + points.min(0)) / 2
+            reach = max(np.ptp(points, axis=0)) / 2 + 1
+            limit = half_width(heights)
+            x, y = np.clip([middle - reach, middle + reach], -limit, limit).T
+            axes.set(xlim=x, ylim=y)
         finish(axes, legend=False)
     legend_below(figure, panels)
     return figure
 
 
 def first_film(table: pd.DataFrame, systems: Sequence[str]) -> Any:
-    """The film of the first of some systems with stored paths, as IPython's output."""
+    """The film of the first of some systems with stored paths, as IPython's output.
+
+    All drivers of the first episode start together, and each stays where it ended.
+    """
     from IPython.display import Image, Markdown  # late: not every command has it
 
     for system in systems:
-        if episode_paths(table, system, 0):
-            return Image(driving_film(table, system))
+        if paths := episode_paths(table, system, 0):
+            first = episode(system, 0)
+            curves, styles = zip(*paths, strict=True)
+            return Image(film(curves, styles, first.heights, first.goal))
     return Markdown("No trials stored.")
-
-
-def driving_film(table: pd.DataFrame, system: str) -> bytes:
-    """An animated GIF of all drivers in the first episode, seen from above.
-
-    All drivers start together, and each stays where it ended. ValueError says that no
-    path of the episode is stored.
-    """
-    paths = episode_paths(table, system, 0)
-    if not paths:
-        raise ValueError(f"no driver of {system} has a stored path of episode 0")
-    first = episode(system, 0)
-    curves, styles = zip(*paths, strict=True)
-    return film(list(curves), list(styles), first.heights, first.goal)
-
-
-def _draw_paths(
-    axes: Axes,
-    system: str,
-    number: int,
-    paths: Sequence[tuple[np.ndarray, dict[str, Any]]],
-) -> None:
-    heights, _, goal = episode(system, number)
-    draw_ground(axes, heights, heights.min(), heights.max())
-    for path, style in paths:
-        axes.plot(*path.T, marker="", **style)
-    axes.scatter(0, 0, s=16, color="black", zorder=3)
-    axes.add_patch(plt.Circle(tuple(goal), ARRIVED, fill=False, color="black"))
-    points = np.vstack([goal[None], *(path for path, _ in paths)])
-    middle = (points.max(0) + points.min(0)) / 2
-    reach = max(np.ptp(points, axis=0)) / 2 + 1
-    limit = half_width(heights)
-    axes.set(xlim=np.clip(middle[0] + np.array([-reach, reach]), -limit, limit))
-    axes.set(ylim=np.clip(middle[1] + np.array([-reach, reach]), -limit, limit))

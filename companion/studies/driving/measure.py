@@ -8,13 +8,14 @@ results/driving yet.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from companion.beyond.drivers import DrivenEpisode, Driver, drive_episode
+from companion.beyond.drivers import Driver, drive_episode
 from companion.beyond.planning import ModelImagination, Planner, Planning
 from companion.engine.library import Library
 from companion.engine.models import predictor_of
@@ -25,6 +26,7 @@ from companion.methods import COMPARED
 from companion.study import Study
 from companion.trials import Trial
 from sidm.config import config
+from sidm.drives import CONTROL_STEP, TWIST, upright
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.model import Predictor
 from sidm.systems import find_system
@@ -39,17 +41,15 @@ NEAREST, FARTHEST = 5.0, 8.0  # m, from the start to the goal
 LONGEST = 20.0  # s, length of an episode at most
 KEPT = 10  # number of first episodes whose paths are stored
 
-Kind = Literal["model", "simulator", "straight"]
-
 
 @config
 class DriverTest:
     """Episodes with one driver."""
 
     system: str
-    driver: Kind
-    trial: Trial | None  # the model's trial; None for the other drivers
-    planning: Planning | None  # None for the driver that does not plan
+    driver: Literal["model", "simulator", "straight"]
+    trial: Trial | None = None  # of the model
+    planning: Planning | None = None  # None for the driver that does not plan
     episodes: tuple[int, ...]  # numbers of the episodes
     longest: float  # s, length of an episode at most
 
@@ -120,66 +120,69 @@ def jobs(
     seed, share the `episodes` out among them; the first `simulated` of the same
     episodes are planned in the simulator. An episode takes `longest` s at most.
     """
-
-    def test(
-        driver: Kind,
-        planning: Planning | None,
-        numbers: Iterable[int],
-        trial: Trial | None = None,
-    ) -> DriverTest:
-        return DriverTest(
-            system=system,
-            driver=driver,
-            trial=trial,
-            planning=planning,
-            episodes=tuple(numbers),
-            longest=longest,
-        )
-
+    test = functools.partial(DriverTest, system=system, longest=longest)
     seeds = study.preset.seeds
     available = study.preset.sizes_in_pool(system, sizes)
-    trials = study.points(system, DRIVEN, available, seeds=seeds)
     models = [
-        test("model", Planning(), range(trial.seed, episodes, seeds), trial)
-        for trial in trials
+        test(
+            driver="model",
+            trial=trial,
+            planning=Planning(),
+            episodes=tuple(range(trial.seed, episodes, seeds)),
+        )
+        for trial in study.points(system, DRIVEN, available, seeds=seeds)
         if trial.seed < episodes
     ]
+    first = tuple(range(simulated))
     return [
-        test("simulator", Planning(), range(simulated)),
+        test(driver="simulator", planning=Planning(), episodes=first),
         *models,
-        test("straight", None, range(episodes)),
+        test(driver="straight", episodes=tuple(range(episodes))),
     ]
 
 
 def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
-    """Drive all episodes of a test.
-
-    Raises:
-        ImportError: PyBullet is not installed; the message is one line.
-    """
+    """Drive all episodes of a test; without PyBullet there is an ImportError."""
     from sidm.simulation import Simulator
     from sidm.simulation.collecting import EpisodeRules
 
-    timer = ProvenanceTimer("driving", about.trial, data)
+    timer, trial = ProvenanceTimer("driving", about.trial, data), about.trial
     system = find_system(about.system)
     pace: list[float] = []
     episodes, paths = [], []
+    loss, error = 0.0, 0.0
     with one_thread():
-        model = predictor_of(about.trial, data) if about.trial else None
+        model = predictor_of(trial, data) if trial else None
         for number in about.episodes:
             task = episode(about.system, number)
             with Simulator(system.novice, task.heights, system.physics) as simulator:
                 driver = _driver(about, model, simulator, task, number)
                 start = simulator.reset(yaw=task.yaw)
                 rules = EpisodeRules(start, system.terrain.half_width)
-                driven = drive_episode(simulator, driver, rules, about.longest)
+                ended, states, actions = drive_episode(
+                    simulator, driver, rules, about.longest
+                )
+            path = states[:, :2]
             pace += driver.pace
-            episodes.append(_episode_fields(driven, task.goal))
+            found = {
+                "seconds": CONTROL_STEP * len(actions),
+                "length": np.linalg.norm(np.diff(path, axis=0), axis=1).sum(),
+                "away": np.linalg.norm(task.goal),
+                "left": np.linalg.norm(path[-1] - task.goal),
+                "throttle": np.abs(actions[:, 0]).mean(),
+                "top_speed": np.linalg.norm(states[:, TWIST][:, :2], axis=1).max(),
+                "steepest": np.degrees(
+                    np.arccos(np.clip(upright(states), -1, 1)).max()
+                ),
+                "surprise": np.mean(driver.surprises) if driver.surprises else 0.0,
+            }
+            numbers = {name: float(value) for name, value in found.items()}
+            episodes.append({"ended": ended} | numbers)
             if number < KEPT:
-                paths.append(driven.path.tolist())
-        loss, error = 0.0, 0.0
-        if model and about.trial:
-            loss, error = _model_errors(model, about.trial, data)
+                paths.append(path.tolist())
+        if model and trial:
+            errors = evaluate(model, trial, Library(data))
+            loss, error = float(errors.losses.sum()), float(errors.position[-1])
     return DrivingResult(
         about=about,
         **by_field(episodes),
@@ -191,23 +194,6 @@ def measure(about: DriverTest, data: str | Path = "data") -> DrivingResult:
         paths=tuple(paths),
         provenance=timer.done(),
     )
-
-
-def _episode_fields(driven: DrivenEpisode, goal: np.ndarray) -> dict[str, Any]:
-    names = ("ended", "seconds", "length", "top_speed", "steepest", "surprise")
-    return {name: getattr(driven, name) for name in names} | {
-        "away": float(np.linalg.norm(goal)),
-        "left": float(np.linalg.norm(driven.path[-1] - goal)),
-        "throttle": float(np.abs(driven.actions[:, 0]).mean()),
-    }
-
-
-def _model_errors(
-    model: Predictor, trial: Trial, data: str | Path
-) -> tuple[float, float]:
-    """Validation loss of a model and its error after 2.5 s, m, as in its row."""
-    errors = evaluate(model, trial, Library(data))
-    return float(errors.losses.sum()), float(errors.position[-1])
 
 
 def _driver(

@@ -3,70 +3,39 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
 from companion.beyond.drivers import ARRIVED
 from companion.engine.frame import of_trials
-from companion.figures.style import METHOD_STYLES
+from companion.figures.style import METHOD_LABELS
 from companion.methods import COMPARED
 from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.intervals import interval
 from companion.statistics.pairs import paired_comparison
 from ownrobot.comparison.statistics import Interval
 
-PAPER = "not measured"
-#: Short labels for methods whose label would fill a figure.
-SHORT = {"corrected_averaged": "expert corrected"}
+#: Labels of methods, short where the whole one would fill a figure.
+SHORT = METHOD_LABELS | {"corrected_averaged": "expert corrected"}
 #: Labels of the drivers that have no learned model.
 OTHERS = {"simulator": "planned in the simulator", "straight": "straight to the goal"}
 FEWEST_BOTH = 3  # goals that two drivers reached, for a difference of their times
 #: Columns that identify a driver; `novice_minutes` are those of a model's data.
 DRIVER = ["system", "driver", "method", "novice_minutes"]
-#: Values of a record that have an entry per episode.
-OF_EPISODE = ("ended", "length", "away", "top_speed", "surprise")
-#: Columns of the table of `scores` after DRIVER.
-SCORES = (
-    "models",
-    "episodes",
-    "arrived",
-    "low",
-    "high",
-    "seconds",
-    "length",
-    "detour",
-    "ends",
-    "surprise",
-    "top_speed",
-    "often",
-    "seldom",
-)
-#: Columns of the table of `rivals` after DRIVER.
-RIVALS = (
-    "other",
-    "episodes",
-    "more",
-    "fewer",
-    "chance",
-    "both",
-    "sooner",
-    "low",
-    "high",
-)
-
-
-def name(driver: str, method: str) -> str:
-    """The name of a driver in figures and tables."""
-    if driver != "model":
-        return OTHERS[driver]
-    return str(SHORT.get(method) or METHOD_STYLES[method]["label"])
+#: Numbers of a record that have an entry per episode.
+OF_EPISODE = ["length", "away", "top_speed", "surprise"]
+#: Columns of the tables of `scores` and of `rivals` after DRIVER.
+SCORES = "models episodes arrived low high seconds length detour ends".split()
+SCORES += "surprise top_speed often seldom".split()
+RIVALS = "other episodes more fewer chance both sooner low high".split()
 
 
 def label(driver: str, method: str, minutes: float) -> str:
-    """The name of a driver with the size of its model's data."""
-    return name(driver, method) + (f", {minutes:g} min" if method else "")
+    """The name of a driver in figures and tables, with the size of its model's data."""
+    if driver != "model":
+        return OTHERS[driver]
+    return f"{SHORT[method]}, {minutes:g} min"
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
@@ -86,12 +55,12 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         [*map(np.array, paths), *[None] * (len(episodes) - len(paths))]
         for paths, episodes in zip(rows.paths, rows.episodes, strict=True)
     ]
-    values = ["episodes", "path", *OF_EPISODE, "found_seconds"]
-    columns = [*DRIVER, "seed", "plans", *values]
-    long = rows[columns].explode(values, ignore_index=True)
-    long = long.rename(columns={"episodes": "episode", "found_seconds": "seconds"})
-    numbers = dict.fromkeys(["novice_minutes", "seconds", *OF_EPISODE[1:]], float)
-    long = long.astype(numbers | {"episode": int})
+    rows["episode"], rows["seconds"] = rows.episodes, rows.found_seconds
+    numbers = ["seconds", *OF_EPISODE]
+    values = ["episode", "path", "ended", *numbers]
+    long = rows[[*DRIVER, "seed", "plans", *values]].explode(values, ignore_index=True)
+    kinds = dict.fromkeys(["novice_minutes", *numbers], float)
+    long = long.astype(kinds | {"episode": int})
     long["surprise"] = long.surprise.where(long.pop("plans") > 0)
     return long.assign(missed=(long.ended != "arrived").astype(float))
 
@@ -186,22 +155,14 @@ def rivals_page(rivals: pd.DataFrame) -> pd.DataFrame:
         f"{text} ({both})" if both >= FEWEST_BOTH else "-"
         for text, both in zip(_intervals(rivals, "sooner"), rivals.both, strict=True)
     ]
-    columns = {
-        "system": rivals.system,
-        "driver": _labels(rivals),
-        "compared with": rivals.other,
-        "episodes": rivals.episodes,
-        "more": rivals.more,
-        "fewer": rivals.fewer,
-        "p": rivals.chance,
-        "sooner (s) (episodes)": sooner,
-    }
-    return pd.DataFrame(columns)
+    columns = ["other", "episodes", "more", "fewer", "chance"]
+    page = rivals[["system", *columns]].assign(**{"sooner (s) (episodes)": sooner})
+    page.insert(1, "driver", _labels(rivals))
+    return page.rename(columns={"other": "compared with", "chance": "p"})
 
 
 def _labels(table: pd.DataFrame) -> list[str]:
-    drivers = table[DRIVER[1:]].itertuples(index=False)
-    return [label(*driver) for driver in drivers]
+    return [label(*driver) for driver in table[DRIVER[1:]].itertuples(index=False)]
 
 
 def _intervals(table: pd.DataFrame, value: str) -> list[str]:
@@ -264,34 +225,22 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
         without[[*point, "missed", "seconds"]], on=point, suffixes=("", "_other")
     )
     reached = both[(both.missed == 0) & (both.missed_other == 0)]
-    parts = [
-        _claim(both, "goals missed (share)", "missed", "", both),
-        _claim(reached, "time to the goals that both reach", "seconds", "s", both),
-    ]
+    parts = []
+    for pairs, quantity, column, unit in (
+        (both, "goals missed (share)", "missed", ""),
+        (reached, "time to the goals that both reach", "seconds", "s"),
+    ):
+        other = f"{column}_other"
+        means = pairs.groupby(["system", "seed"])[[column, other]].mean().reset_index()
+        others = means[["system", "seed", other]].rename(columns={other: column})
+        compared = paired_comparison(
+            means, others, on=["system"], by=[], value=column, difference=True
+        )
+        names = []
+        for system in compared.system:
+            sizes = np.unique(both[both.system == system].novice_minutes)
+            minutes = ", ".join(f"{size:g}" for size in sizes)
+            names.append(f"{quantity}, with SIDM's models minus without, {minutes} min")
+        parts.append(claim_rows(compared, names, "not measured", unit=unit))
     claims = pd.concat(parts).sort_values("system", kind="stable", ignore_index=True)
     return claims[list(COLUMNS)]
-
-
-def _claim(
-    pairs: pd.DataFrame, quantity: str, column: str, unit: str, driven: pd.DataFrame
-) -> pd.DataFrame:
-    """A claim per system about a `column` of pairs of episodes.
-
-    The claim names the sizes of all pairs that were `driven`.
-    """
-    other = f"{column}_other"
-    groups = pairs.groupby(["system", "seed"])
-    means = groups[[column, other]].mean().reset_index()
-    without = means.drop(columns=column).rename(columns={other: column})
-    compared = paired_comparison(
-        means, without, on=["system"], by=[], value=column, difference=True
-    )
-    names = []
-    for system in compared.system:
-        sizes = _sizes(driven[driven.system == system].novice_minutes.unique())
-        names.append(f"{quantity}, with SIDM's models minus without, {sizes} min")
-    return claim_rows(compared, names, PAPER, unit=unit)
-
-
-def _sizes(minutes: Sequence[float]) -> str:
-    return ", ".join(f"{size:g}" for size in sorted(minutes))

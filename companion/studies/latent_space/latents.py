@@ -7,6 +7,7 @@ other system.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,7 +17,6 @@ from sklearn.decomposition import PCA
 from sklearn.neural_network import MLPClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
-from torch import Tensor
 
 from sidm.learning.dataset import Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
@@ -30,11 +30,11 @@ MMD_SAMPLES = 1000  # latents of each system in the discrepancy, at most
 
 def latents_of(model: DynamicsModel, role: str, motion: Windows) -> np.ndarray:
     """Latent state-actions (N, T / STRIDE, 128) of N trajectories."""
-    latents: list[Tensor] = []
     with torch.inference_mode():
-        for part in motion.split(EVALUATION_BATCH):
-            inputs, maps = part.inputs[:, ::STRIDE], part.maps[:, ::STRIDE]
-            latents.append(model.encoders[role](inputs, maps))
+        latents = [
+            model.encoders[role](part.inputs[:, ::STRIDE], part.maps[:, ::STRIDE])
+            for part in motion.split(EVALUATION_BATCH)
+        ]
     return torch.cat(latents).double().numpy()
 
 
@@ -50,8 +50,7 @@ def crossed_loss(
     with torch.inference_mode():
         for part in motion.split(EVALUATION_BATCH):
             latents = model.encoders[encoder](part.inputs, part.maps)
-            transitions, _ = model.sidm(latents)
-            predicted = model.decoders[decoder](transitions)
+            predicted = model.decoders[decoder](model.sidm(latents)[0])
             total += float(prediction_loss(predicted, part.targets).double().sum())
     return total / motion.targets[..., 0].numel()
 
@@ -70,14 +69,11 @@ def classifier_accuracy(
     (M, T, K) of the expert, and tested on the other half. Both systems weigh the same;
     0.5 is chance.
     """
-    halves = [[motion[0::2], motion[1::2]] for motion in features]
     fitted = make_pipeline(StandardScaler(), classifier)
-    fitted.fit(*_labelled(halves[0][0], halves[1][0]))
-    accuracies = [
-        np.mean(fitted.predict(half[1].reshape(-1, half[1].shape[-1])) == label)
-        for label, half in enumerate(halves)
-    ]
-    return float(np.mean(accuracies))
+    fitted.fit(*_labelled([motion[0::2] for motion in features]))
+    unseen, labels = _labelled([motion[1::2] for motion in features])
+    right = fitted.predict(unseen) == labels
+    return float(np.mean([right[labels == label].mean() for label in (0, 1)]))
 
 
 def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
@@ -95,25 +91,21 @@ def squared_mmd(novice: np.ndarray, expert: np.ndarray) -> float:
     return float(within - 2 * across.mean())
 
 
-def picture(
-    novice: np.ndarray, expert: np.ndarray
-) -> list[tuple[tuple[float, float], ...]]:
-    """First two principal components (PICTURED, 2) of the latents of both systems."""
+def picture(novice: np.ndarray, expert: np.ndarray) -> list[Any]:
+    """First two principal components, lists (PICTURED, 2), of both systems' latents."""
     parts = _sampled(novice, expert, PICTURED)
     pca = PCA(2, svd_solver="full").fit(np.concatenate(parts))
-    return [
-        tuple((float(x), float(y)) for x, y in pca.transform(part)) for part in parts
-    ]
+    return [pca.transform(part).tolist() for part in parts]
 
 
-def _labelled(novice: np.ndarray, expert: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _labelled(motions: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """The features (., K) of both systems and their labels: novice 0, expert 1."""
-    flat = [motion.reshape(-1, motion.shape[-1]) for motion in (novice, expert)]
+    flat = [motion.reshape(-1, motion.shape[-1]) for motion in motions]
     return np.concatenate(flat), np.repeat([0, 1], [len(part) for part in flat])
 
 
 def _sampled(novice: np.ndarray, expert: np.ndarray, most: int) -> list[np.ndarray]:
     """At most `most` random features (., K) of each system, standardised together."""
-    both, labels = _labelled(novice, expert)
+    both, labels = _labelled((novice, expert))
     both, rng = StandardScaler().fit_transform(both), np.random.default_rng(0)
     return [rng.permutation(both[labels == label])[:most] for label in (0, 1)]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib.metadata
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from companion.study import Study
 from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError, config
 from sidm.systems import ROLES
-
-if TYPE_CHECKING:
-    from sidm.learning.training import Trained
 
 METHODS_COMPARED = ("sidm", "no_regularisation")
 
@@ -117,13 +113,14 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
     held_out = expert.subset(range(trial.datasets["expert"].count, dataset.count))
     novice = Library(data).motion(trial, "validation")
     motions = novice, held_out.take(range(len(held_out)))
-    latents = [
-        latents_of(model, role, motion)
-        for role, motion in zip(ROLES, motions, strict=True)
-    ]
+    latents = [latents_of(model, *side) for side in zip(ROLES, motions, strict=True)]
     raw = [motion.inputs[:, ::STRIDE].double().numpy() for motion in motions]
     pictures = picture(*latents)
-    network_accuracy = classifier_accuracy(latents, small_network())
+    accuracy = classifier_accuracy(latents, small_network())
+    # of the discriminator over the last quarter of the tests
+    late = trained.history[3 * len(trained.history) // 4 :]
+    own = [test.discriminator_accuracy for test in late]
+    known = [share for share in own if share is not None]
     return Diagnosis(
         about=trial,
         validation_loss=outcome.validation_loss,
@@ -131,21 +128,13 @@ def measure(trial: Trial, data: str | Path = "data") -> Diagnosis:
         expert_decoder_loss=crossed_loss(model, novice, "novice", "expert"),
         expert_path_loss=crossed_loss(model, novice, "expert", "expert"),
         linear_accuracy=classifier_accuracy(latents, LogisticRegression(max_iter=1000)),
-        network_accuracy=network_accuracy,
+        network_accuracy=accuracy,
         raw_accuracy=classifier_accuracy(raw, small_network()),
-        a_distance=max(0.0, 2 * (2 * network_accuracy - 1)),
-        discriminator_accuracy=_last_accuracy(trained),
+        a_distance=max(0.0, 2 * (2 * accuracy - 1)),
+        discriminator_accuracy=float(np.mean(known)) if known else None,
         mmd=squared_mmd(*latents),
         novice_picture=pictures[0],
         expert_picture=pictures[1],
         scikit_learn=importlib.metadata.version("scikit-learn"),
         provenance=timer.done(),
     )
-
-
-def _last_accuracy(trained: Trained) -> float | None:
-    """Mean accuracy of the discriminator over the last quarter of the tests."""
-    late = trained.history[3 * len(trained.history) // 4 :]
-    accuracies = [test.discriminator_accuracy for test in late]
-    known = [accuracy for accuracy in accuracies if accuracy is not None]
-    return float(np.mean(known)) if known else None

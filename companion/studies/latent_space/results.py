@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -11,33 +10,27 @@ from matplotlib.figure import Figure
 
 from companion.figures.named_rows import HOLLOW, dot_plots, name_rows
 from companion.figures.style import (
+    METHOD_LABELS,
     METHOD_STYLES,
     ROLE_STYLES,
     legend_below,
     system_label,
 )
-from companion.methods import METHODS
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS, ROLES
 
-#: Measures of how alike the latents are.
-ALIKE = (
-    "linear_accuracy",
-    "network_accuracy",
-    "raw_accuracy",
-    "a_distance",
-    "mmd",
-    "discriminator_accuracy",
-)
-#: Measures and losses -> their headings on a page.
-HEADINGS = {
-    "novice_minutes": "novice data (min)",
+#: Measures of how alike the latents are -> their headings on a page.
+ALIKE = {
     "linear_accuracy": "linear",
     "network_accuracy": "network",
     "raw_accuracy": "raw",
     "a_distance": "A-distance",
     "mmd": "MMD",
     "discriminator_accuracy": "own",
+}
+#: Columns of the tables -> their headings on a page.
+HEADINGS = ALIKE | {
+    "novice_minutes": "novice data (min)",
     "validation_loss": "own parts",
     "expert_encoder_loss": "expert's encoder",
     "expert_decoder_loss": "expert's decoder",
@@ -52,7 +45,7 @@ CROSSED = {
 }
 
 
-def table(frame: pd.DataFrame, measures: Sequence[str] = ALIKE) -> pd.DataFrame:
+def table(frame: pd.DataFrame, measures: Iterable[str] = ALIKE) -> pd.DataFrame:
     """Number of models and means of measures: a row per system, size and method."""
     groups = frame.astype({name: float for name in measures}).groupby(
         ["system", "novice_minutes", "method"]
@@ -62,11 +55,11 @@ def table(frame: pd.DataFrame, measures: Sequence[str] = ALIKE) -> pd.DataFrame:
     return means.reset_index()
 
 
-def page_table(frame: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
+def page_table(frame: pd.DataFrame, measures: Iterable[str]) -> pd.DataFrame:
     """`table` with the headings of a page, and methods in words."""
     means = table(frame, measures)
-    words = {name: method.label for name, method in METHODS.items()}
-    return means.assign(method=means.method.map(words)).rename(columns=HEADINGS)
+    labels = means.method.map(METHOD_LABELS)
+    return means.assign(method=labels).rename(columns=HEADINGS)
 
 
 @styled
@@ -78,27 +71,16 @@ def figure(frame: pd.DataFrame) -> Figure:
     figure, panels = side_by_side(count, min(count, 2))
     if not rows:
         finish(panels[0])
-        return figure
-    for axes, row in itertools.zip_longest(panels, rows):
-        if row is None:
-            axes.set_axis_off()
-            continue
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    for axes, row in zip(panels, rows, strict=False):
         axes.set(xlabel="first component (-)", ylabel="second component (-)")
-        label = METHOD_STYLES[row.method]["label"]
-        axes.set_title(
-            f"{system_label(row.system)}, {row.novice_minutes:g} min, {label}"
-        )
+        of = f"{system_label(row.system)}, {row.novice_minutes:g} min"
+        axes.set_title(f"{of}, {METHOD_LABELS[row.method]}")
         for role in ROLES:
-            style = ROLE_STYLES[role]
+            style = ROLE_STYLES[role] | {"linestyle": "", "ms": 3, "alpha": 0.5}
             points = np.array(getattr(row, f"{role}_picture")).T
-            axes.plot(
-                *points,
-                style["marker"],
-                color=style["color"],
-                ms=3,
-                alpha=0.5,
-                label=role,
-            )
+            axes.plot(*points, label=role, **style)
         finish(axes)
     return figure
 
@@ -112,7 +94,7 @@ def crossed_figure(
     A row for each choice of parts, a dot for each method and size: means over seeds.
     The dots of all sizes but the smallest are hollow.
     """
-    means = table(frame, tuple(CROSSED))
+    means = table(frame, CROSSED)
     sizes = sorted(means.novice_minutes.unique())
     figure, panels = dot_plots(len(systems), len(CROSSED), height=0.6)
     for axes, system in zip(panels, systems, strict=True):

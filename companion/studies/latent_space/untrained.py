@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
 
@@ -28,18 +27,13 @@ NAME = "untrained_latents.json"
 ENCODERS = {"own encoders": "novice", "one encoder": "expert"}
 
 
-class Apart(NamedTuple):
-    """How far apart two robots' latents are, measured as of a trained model."""
+def measure(trial: Trial, data: Path) -> dict[str, tuple[float, float]]:
+    """The latents of a trial's encoders with their initial weights, measured.
 
-    network_accuracy: float  # of a fresh small network on held-out steps
-    mmd: float  # squared maximum mean discrepancy, 0 where they are alike
-
-
-def measure(trial: Trial, data: Path) -> dict[str, Apart]:
-    """The latents of a trial's encoders with their initial weights.
-
-    The novice's motion is the validation set, the expert's as many trajectories. No
-    digest is asked for: any motion of the two robots will do.
+    For each of ENCODERS: the accuracy of a fresh small network on held-out steps, and
+    the squared maximum mean discrepancy, as of a trained model. The novice's motion is
+    the validation set, the expert's as many trajectories. No digest is asked for: any
+    motion of the two robots will do.
     """
     # here, since stored measures are read without PyTorch
     from companion.engine.library import dataset_windows
@@ -61,26 +55,25 @@ def measure(trial: Trial, data: Path) -> dict[str, Apart]:
     apart = {}
     for name, role in ENCODERS.items():
         both = latents_of(model, role, validation), experts
-        accuracy = classifier_accuracy(both, small_network())
-        apart[name] = Apart(accuracy, squared_mmd(*both))
+        apart[name] = classifier_accuracy(both, small_network()), squared_mmd(*both)
     return apart
 
 
-def _trials(study: Study, system: str) -> list[Trial]:
-    """The SIDMs of the smallest size, one for each seed; all sizes start alike."""
-    trials = [trial for trial in jobs(study, system) if trial.method == "sidm"]
-    least = min(trial.novice_minutes for trial in trials)
-    return [trial for trial in trials if trial.novice_minutes == least]
-
-
 def make(study: Study, workers: int) -> None:
-    """Measure and store, for `companion run --figure untrained-latents`."""
+    """Measure and store, for `companion run --figure untrained-latents`.
+
+    The models are the SIDMs of the smallest size, one for each seed; all sizes start
+    alike.
+    """
     from sidm.learning.arithmetic import one_thread
 
     stored: dict[str, object] = {}
     with one_thread():
         for system in PAPER_SYSTEMS:
-            seeds = [measure(trial, study.data) for trial in _trials(study, system)]
+            trials = [trial for trial in jobs(study, system) if trial.method == "sidm"]
+            least = min(trial.novice_minutes for trial in trials)
+            smallest = [trial for trial in trials if trial.novice_minutes == least]
+            seeds = [measure(trial, study.data) for trial in smallest]
             stored[system] = {
                 name: [[round(value, 4) for value in seed[name]] for seed in seeds]
                 for name in ENCODERS
@@ -89,26 +82,16 @@ def make(study: Study, workers: int) -> None:
     write_record(study.results / NAME, {**stored, **made})
 
 
-def read(results: Path | str) -> dict[str, dict[str, list[Apart]]]:
-    """The stored measures by system and name of ENCODERS, one for each seed."""
-    stored = read_or_empty(Path(results) / NAME)
-    return {
-        system: {
-            name: [Apart(*seed) for seed in seeds]
-            for name, seeds in stored[system].items()
-        }
-        for system in PAPER_SYSTEMS
-        if system in stored
-    }
-
-
 def table(results: Path | str, systems: Sequence[str]) -> pd.DataFrame:
-    """The stored measures of some systems: a row for each of ENCODERS and seed."""
-    stored = read(results)
+    """The stored measures of some systems: a row for each of ENCODERS and seed.
+
+    There are no rows if none are stored.
+    """
+    stored = read_or_empty(Path(results) / NAME)
     rows = [
         (name, *seed)
         for system in systems
         for name, seeds in stored.get(system, {}).items()
         for seed in seeds
     ]
-    return pd.DataFrame(rows, columns=["encoders", *Apart._fields])
+    return pd.DataFrame(rows, columns=["encoders", "network_accuracy", "mmd"])

@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
-from torch import Tensor
 
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
@@ -137,6 +134,10 @@ def jobs(
     one_body = ONE_BODY if bodies[novice] == bodies[expert] else ()
     methods = [(method, "") for method in ALONE]
     methods += [(method, expert) for method in (*WITH_EXPERT, *one_body)]
+
+    def data_of(name: str) -> str:
+        return checksum(states_and_actions(robot(name, steps))[0].numpy())
+
     return [
         Transfer(
             novice=novice,
@@ -145,11 +146,7 @@ def jobs(
             seed=seed,
             sessions=sessions,
             steps=steps,
-            data=tuple(
-                checksum(states_and_actions(robot(name, steps))[0].numpy())
-                for name in (novice, other)
-                if name
-            ),
+            data=tuple(data_of(name) for name in (novice, other) if name),
             network=network_for(fit_settings, bodies[novice], bodies[other or novice]),
             training=StudyTraining(**vars(fit_settings.training)),
         )
@@ -179,42 +176,24 @@ def measure(about: Transfer, data: str | Path = "data") -> TransferResult:
     validation, pool = drives_of_sessions(novice, order[:count]), order[count:]
     units = Standardisation.fit(windows_of(drives_of_sessions(novice, pool), 0))
     weights = loss_weights(novice[0].body, units)
+    motion, sizes = windows_of(validation, 0), []
     with one_thread():
-        sizes = [
-            _one_size(about, pool[:size], novice, validation, expert, weights)
-            for size in about.sessions
-        ]
+        for size in about.sessions:
+            parts = train_test_split(novice, pool[:size])
+            sets = datasets(*parts, validation, expert)
+            trained = _learn(about, sets, novice[0].body)
+            with torch.inference_mode():
+                predicted, _ = trained.model("novice", motion.inputs, motion.maps)
+                losses = component_losses(predicted, motion.targets, weights)
+            components = losses.double().mean((0, 1)).tolist()
+            fields = {
+                "minutes": sum(map(minutes_of, parts)),
+                "loss": sum(components),
+                "components": components,
+                "samples": trained.samples,
+            }
+            sizes.append(fields | _open_loop(trained.model, validation))
     return TransferResult(about=about, **by_field(sizes), provenance=timer.done())
-
-
-def _one_size(
-    about: Transfer,
-    sessions: np.ndarray,
-    novice: list[Drive],
-    validation: list[Drive],
-    expert: list[Drive] | None,
-    weights: Tensor | None,
-) -> dict[str, Any]:
-    train_part, test_part = train_test_split(novice, sessions)
-    sets = datasets(train_part, test_part, validation, expert)
-    trained = _learn(about, sets, novice[0].body)
-    with torch.inference_mode():
-        motion = windows_of(validation, 0)
-        predicted, _ = trained.model("novice", motion.inputs, motion.maps)
-        losses = component_losses(predicted, motion.targets, weights)
-        components = losses.double().mean((0, 1)).tolist()
-    displacement, heading = _errors(trained.model, validation, seen=True)
-    cold_displacement, cold_heading = _errors(trained.model, validation, seen=False)
-    return {
-        "minutes": minutes_of(train_part) + minutes_of(test_part),
-        "loss": sum(components),
-        "components": components,
-        "displacement": displacement,
-        "heading": heading,
-        "cold_displacement": cold_displacement,
-        "cold_heading": cold_heading,
-        "samples": trained.samples,
-    }
 
 
 def _learn(about: Transfer, sets: Datasets, body: Body) -> Trained:
@@ -242,15 +221,16 @@ def _pretrained(
     return pretrain(PRETRAINED, sets, network, seed, fit_settings)
 
 
-def _errors(
-    model: Predictor, drives: list[Drive], seen: bool
-) -> tuple[list[float], list[float]]:
-    """Mean displacement, m, and heading error, rad, (15,) each, open loop.
+def _open_loop(model: Predictor, drives: list[Drive]) -> dict[str, list[float]]:
+    """Mean displacement and heading errors as fields of a TransferResult.
 
-    Rollouts start after WARM_UP steps, which the model has `seen` or not.
+    Rollouts start after WARM_UP steps, which the model has seen or, cold, not.
     """
-    path = rollouts(model, drives, WARM_UP, HORIZON, seen=seen)
     states = states_and_actions(drives)[0][:, WARM_UP : WARM_UP + HORIZON + 1]
-    errors = rollout_errors(path, states, drives[0].body)
-    displacement, heading = (error.mean(0).tolist() for error in errors)
-    return displacement, heading
+    fields = {}
+    for prefix, seen in (("", True), ("cold_", False)):
+        path = rollouts(model, drives, WARM_UP, HORIZON, seen=seen)
+        displacement, heading = rollout_errors(path, states, drives[0].body)
+        fields[f"{prefix}displacement"] = displacement.mean(0).tolist()
+        fields[f"{prefix}heading"] = heading.mean(0).tolist()
+    return fields

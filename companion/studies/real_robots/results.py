@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.style import METHOD_STYLES, legend_entries
+from companion.figures.style import METHOD_LABELS, METHOD_STYLES, legend_entries
 from companion.statistics.pairs import page_table, paired_comparison
 from companion.statistics.tables import wide
 from companion.studies.real_robots.measure import (
@@ -20,14 +20,8 @@ from companion.studies.real_robots.measure import (
 from sidm.plots import finish, side_by_side, styled
 
 #: Fields of a record that have an entry per size.
-SIZED = (
-    "minutes",
-    "loss",
-    "displacement",
-    "heading",
-    "cold_displacement",
-    "cold_heading",
-)
+SIZED = ["minutes", "loss", "displacement", "heading"]
+SIZED += ["cold_displacement", "cold_heading"]
 LABELS = {
     "loss": "loss (always the mean: 6)",
     "displacement": "displacement error after 1.5 s (m)",
@@ -90,8 +84,7 @@ def table(
 def seconds_unbeaten(frame: pd.DataFrame) -> str:
     """From how much of its motion on no network beat least squares on the Warthog.
 
-    Returns:
-        Seconds of motion, six for each session, as text; 'not run' without results.
+    Seconds of motion, six for each session, as text; 'not run' without results.
     """
     networks = ("novice_only", *WITH_EXPERT, PRETRAINED)
     squares = table(frame, against="least_squares")
@@ -106,10 +99,7 @@ def seconds_unbeaten(frame: pd.DataFrame) -> str:
 def percent_better(compared: pd.DataFrame, pair: str, sessions: int) -> dict[str, str]:
     """By how many per cent each method's loss is lower, with its interval, as text.
 
-    Args:
-        compared: made by `table`.
-        pair: of expert and novice.
-        sessions: of the novice's motion.
+    Of a table made by `table`, for a pair and a number of the novice's sessions.
     """
     rows = compared[(compared.system == pair) & (compared.sessions == sessions)]
     return {
@@ -122,9 +112,8 @@ def percent_better(compared: pd.DataFrame, pair: str, sessions: int) -> dict[str
 
 def for_page(table: pd.DataFrame) -> pd.DataFrame:
     """A table made by `table` as a page shows it: a column for each size."""
-    labels = {name: style["label"] for name, style in METHOD_STYLES.items()} | NAMES
     shown = page_table(table.sort_values("sessions", kind="stable"), 2, system="pair")
-    shown["method"] = shown.method.map(labels)
+    shown["method"] = shown.method.map(METHOD_LABELS | NAMES)
     shown["sessions"] = [f"{count:g} sessions" for count in shown.sessions]
     shown = wide(shown, ["pair", "method"], "sessions", "ratio (95 % interval)")
     heading = "loss, divided by that without SIDM (95 % interval)"

@@ -27,9 +27,9 @@ from companion.studies.recorded_targets.recorded import (
     load_recorded,
     path_errors,
     recordings_of,
+    subsets,
     window_losses,
 )
-from companion.studies.recorded_targets.recorded import subsets as recorded_subsets
 from companion.study import Study
 from companion.training import StudyTraining
 from companion.trials import Dataset
@@ -161,19 +161,18 @@ def jobs(
     """All trainings of a system on `sizes`, min of recorded data, seed after seed."""
     preset, sets = study.preset, proxies(study.preset, system)
     recorded = checksum_of(read_drives(recordings_of(system, recordings), ROVER))
-    transfers = []
-    for seed, (method, proxy) in itertools.product(
-        range(preset.seeds), METHODS_AND_PROXIES
-    ):
-        training = preset.training_of(METHODS[method], system)
-        if METHODS[method].fit == "gradients":
+    seeds, transfers = range(preset.seeds), []
+    for seed, (name, proxy) in itertools.product(seeds, METHODS_AND_PROXIES):
+        method = METHODS[name]
+        training = preset.training_of(method, system)
+        if method.fit == "gradients":
             training = replace(training, **FINER_TESTS)
         if proxy == "novice" and training.p_expert > 0:
             training = replace(training, p_expert=P_EXPERT)
         transfers.append(
             Transfer(
                 system=system,
-                method=method,
+                method=name,
                 proxy=proxy,
                 seed=seed,
                 sizes=tuple(sizes),
@@ -183,8 +182,8 @@ def jobs(
                 proxy_novice=sets["novice"],
                 network=preset.network,
                 training=training,
-                pretraining=preset.pretraining_of(METHODS[method]),
-                fit=METHODS[method].fit,  # type: ignore[arg-type]
+                pretraining=preset.pretraining_of(method),
+                fit=method.fit,  # type: ignore[arg-type]
             )
         )
     return transfers
@@ -199,6 +198,22 @@ def measure(
     than those of the job.
     """
     timer, pixels = ProvenanceTimer("elsewhere", about, data), about.network.pixels
+    models: list[dict[str, Any]] = []
+    trainings: list[dict[str, Any]] = []
+
+    def evaluate(minutes: float, model: Predictor) -> None:
+        losses = window_losses(model, recorded)
+        position, heading = path_errors(model, recorded, pixels)
+        fields = {
+            "minutes": minutes,
+            "validation_loss": float(losses.mean(0).sum()),
+            "component_losses": as_lists(losses.mean(0)),
+            "piece_losses": as_lists(losses.sum(1)),
+            "position_error": as_lists(position),
+            "heading_error": as_lists(heading),
+        }
+        models.append(fields)
+
     with one_thread():
         recorded = load_recorded(
             about.system, about.held_out, pixels, recordings, about.recorded_data
@@ -208,17 +223,21 @@ def measure(
         if about.proxy == "novice":
             proxy = dataset_windows(about.proxy_novice, data, pixels)
         units = Standardisation.fit(expert)
-        start = _start(about, recorded, proxy, units, data)
-        models, trainings = [], []
-        proxy_model = None
+        start, proxy_model = _start(about, recorded, proxy, units, data), None
         if start is not None:
             proxy_model = frozen_model(about.network, start, units)
-            models.append(_model_fields(0.0, proxy_model, recorded, pixels))
+            evaluate(0.0, proxy_model)
         for minutes in about.sizes:
             begun = time.process_time()
             trained = _learn(about, minutes, recorded, proxy, units, start, proxy_model)
-            trainings.append(_training_fields(trained, time.process_time() - begun))
-            models.append(_model_fields(minutes, trained.model, recorded, pixels))
+            fields = {
+                "samples": trained.samples,
+                "best_samples": trained.best_samples,
+                "seconds": time.process_time() - begun,
+                "best_test_loss": float(trained.best_test_loss),
+            }
+            trainings.append(fields | curve(trained))
+            evaluate(minutes, trained.model)
     return TransferResult(
         about=about,
         **by_field(models),
@@ -226,31 +245,6 @@ def measure(
         pretraining_samples=start.samples if start else 0,
         provenance=timer.done(),
     )
-
-
-def _model_fields(
-    minutes: float, model: Predictor, recorded: Recorded, pixels: int
-) -> dict[str, Any]:
-    losses = window_losses(model, recorded)
-    position, heading = path_errors(model, recorded, pixels)
-    return {
-        "minutes": minutes,
-        "validation_loss": float(losses.mean(0).sum()),
-        "component_losses": as_lists(losses.mean(0)),
-        "piece_losses": as_lists(losses.sum(1)),
-        "position_error": as_lists(position),
-        "heading_error": as_lists(heading),
-    }
-
-
-def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
-    return {
-        "samples": trained.samples,
-        "best_samples": trained.best_samples,
-        "seconds": seconds,
-        "best_test_loss": float(trained.best_test_loss),
-        **curve(trained),
-    }
 
 
 def _learn(
@@ -266,11 +260,9 @@ def _learn(
 
     Least squares leave the proxy's model as it is and add a correction.
     """
-    training, testing = (
-        recorded.motion.subset(part)
-        for part in recorded_subsets(recorded, minutes, about.seed)
-    )
-    sets = Datasets(training, testing, recorded.validation, proxy)
+    parts = subsets(recorded, minutes, about.seed)
+    learning, testing = (recorded.motion.subset(part) for part in parts)
+    sets = Datasets(learning, testing, recorded.validation, proxy)
     if about.fit == "least_squares":
         mirror = mirror_image if about.training.mirror else None
         return fit(sets, units, proxy_model, mirror)

@@ -115,11 +115,9 @@ def subsets(recorded: Recorded, minutes: float, seed: int) -> tuple[Tensor, Tens
 
 def window_losses(model: Predictor, recorded: Recorded) -> Tensor:
     """Components of equation (1) on each validation window, (N, 13)."""
-    validation = recorded.validation
-    numbers = torch.arange(len(recorded.validation_numbers))
-    return torch.stack(
-        [validation_loss(model, validation.take(number[None])) for number in numbers]
-    )
+    numbers = recorded.validation_numbers
+    windows = (recorded.motion.take(number[None]) for number in numbers)
+    return torch.stack([validation_loss(model, window) for window in windows])
 
 
 def path_errors(

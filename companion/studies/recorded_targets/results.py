@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import (
     LOSS_BY_SIZE,
+    METHOD_LABELS,
     METHOD_STYLES,
     legend_below,
     mean_and_range,
@@ -29,9 +29,10 @@ from sidm.systems import PAPER_SYSTEMS
 
 Way = tuple[str, Proxy]  # a method and the simulated robot that is its expert
 
+WITHOUT: Way = ("novice_only", "none")  # the way that the SIDM is compared with
 #: Ways that the figure draws; the tables have the others, too.
 SHOWN: tuple[Way, ...] = (
-    ("novice_only", "none"),
+    WITHOUT,
     ("sidm", "expert"),
     ("least_squares_mirrored", "none"),
     ("pretrain_finetune", "expert"),
@@ -43,14 +44,13 @@ PROXY_WORDS = {
     "expert": " (simulated expert)",
     "novice": " (simulated novice)",
 }
-WITHOUT: Way = ("novice_only", "none")  # the way that the SIDM is compared with
 #: Columns that identify a way.
 BY = ["method", "proxy"]
 
 
 def label(method: str, proxy: Proxy) -> str:
     """The name of a way in figures and tables."""
-    return METHOD_STYLES[method]["label"] + PROXY_WORDS[proxy]
+    return METHOD_LABELS[method] + PROXY_WORDS[proxy]
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
@@ -128,14 +128,14 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     the other way does as well.
     """
     point = ["system", *BY, "novice_minutes"]
-    means = (
-        table.groupby(point, sort=False)
-        .agg(seeds=("seed", "size"), loss=("loss", "mean"), error=("error", "mean"))
-        .reset_index()
-    )
+    groups = table.groupby(point, sort=False)
+    means = groups[["loss", "error"]].mean()
+    means.insert(0, "seeds", groups.size())
     is_other = _is(table, other)
     others, rest = _recorded(table[is_other]), table[~is_other]
-    means = savings.with_savings(means, _recorded(rest), others, ["system"], BY)
+    means = savings.with_savings(
+        means.reset_index(), _recorded(rest), others, ["system"], BY
+    )
     worth = {}
     without_data = rest[rest.novice_minutes == 0]
     for key, group in without_data.groupby(point, sort=False):
@@ -162,19 +162,16 @@ def of_simulation(lines: pd.DataFrame, minutes: float) -> Any:
 
 def page_table(rows: pd.DataFrame) -> pd.DataFrame:
     """The table of `by_size` for a page: ratios and savings with intervals, as text."""
-    labels = [label(*way) for way in rows[BY].itertuples(index=False)]
-    page = pd.DataFrame(
-        {
-            "system": rows.system,
-            "method": labels,
-            "recorded (min)": rows.novice_minutes,
-            "seeds": rows.seeds,
-            "loss": rows.loss.map("{:.3f}".format),
-            "after 2.5 s (m)": rows.error.map("{:.3f}".format),
-        }
-    ).join(savings.with_savings_texts(rows))
-    worth = rows.worth.replace("", "-")
-    times = page["times the data"]
+    columns = {
+        "system": rows.system,
+        "method": [label(*way) for way in rows[BY].itertuples(index=False)],
+        "recorded (min)": rows.novice_minutes,
+        "seeds": rows.seeds,
+        "loss": rows.loss.map("{:.3f}".format),
+        "after 2.5 s (m)": rows.error.map("{:.3f}".format),
+    }
+    page = pd.DataFrame(columns).join(savings.with_savings_texts(rows))
+    times, worth = page["times the data"], rows.worth.replace("", "-")
     return page.assign(**{"times the data": times.where(times != "-", worth)})
 
 
@@ -183,38 +180,26 @@ def agreement(
 ) -> str:
     """On how many validation grounds an SIDM has the smaller loss, as text.
 
-    The recordings are read only if there are results.
+    Seeds that lack the results with or without SIDM are left out. The recordings are
+    read only if there are results.
     """
-    rows, agree = table[table.system == system], None
-    if len(rows):
-        grounds = validation_grounds(system, HELD_OUT, recordings)
-        agree = grounds_agree(rows, ("sidm", proxy), WITHOUT, grounds)
-    text = "a smaller loss with SIDM on {} of {} terrains"
-    return text.format(*agree) if agree else "not run"
-
-
-def grounds_agree(
-    table: pd.DataFrame, way: Way, other: Way, grounds: np.ndarray
-) -> tuple[int, int] | None:
-    """On how many of all validation grounds a way has a smaller loss than another.
-
-    `grounds` (N,) are those of the validation windows. Seeds that one of the two ways
-    lacks are left out; None where one of them has no results.
-    """
-    point = ["seed", "novice_minutes"]
-    recorded = _recorded(table)
-    sides = [recorded[_is(recorded, side)][[*point, "pieces"]] for side in (way, other)]
-    both = sides[0].merge(sides[1], on=point)
+    point, rows = ["seed", "novice_minutes"], _recorded(table[table.system == system])
+    sidm, without = (
+        rows[_is(rows, way)][[*point, "pieces"]] for way in (("sidm", proxy), WITHOUT)
+    )
+    both = sidm.merge(without, on=point)
     if not len(both):
-        return None
+        return "not run"
     # (S M, N) each: S seeds, M sizes, N windows
-    losses, other_losses = (np.array(both[f"pieces_{side}"].tolist()) for side in "xy")
+    losses, others = (np.array(both[f"pieces_{side}"].tolist()) for side in "xy")
+    grounds = validation_grounds(system, HELD_OUT, recordings)  # (N,)
     ratios = []  # mean logarithm of the loss ratio, by ground
     for ground in np.unique(grounds):
         here = grounds == ground
-        ratio = losses[:, here].mean(-1) / other_losses[:, here].mean(-1)
+        ratio = losses[:, here].mean(-1) / others[:, here].mean(-1)
         ratios.append(np.log(ratio).mean())
-    return sum(ratio < 0 for ratio in ratios), len(ratios)
+    fewer = sum(ratio < 0 for ratio in ratios)
+    return f"a smaller loss with SIDM on {fewer} of {len(ratios)} terrains"
 
 
 def claims(table: pd.DataFrame) -> pd.DataFrame:
@@ -222,8 +207,7 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 
     There is a claim per system and proxy, compared with the same network without SIDM.
     """
-    compared = compare(table[table.method.isin(["sidm", WITHOUT[0]])], WITHOUT)
-    sidm = compared[compared.method == "sidm"]
+    sidm = _sidm_beside_without(table)
     sidm = sidm.sort_values(["system", "proxy"], kind="stable")
     names = []
     for proxy, sizes in zip(sidm.proxy, sidm.sizes, strict=True):
@@ -237,47 +221,43 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 
 def sidm_ratios(table: pd.DataFrame, proxy: Proxy = "expert") -> dict[str, str]:
     """System -> the loss with an SIDM by that without it, over all sizes, as text."""
-    compared = compare(table[table.method.isin(["sidm", WITHOUT[0]])], WITHOUT)
-    rows = compared[compared.proxy == proxy]
+    rows = _sidm_beside_without(table)
+    rows = rows[rows.proxy == proxy]
     return {
         row.system: Interval(row.ratio, row.low, row.high).text(2)
         for row in rows.itertuples()
     }
 
 
+def _sidm_beside_without(table: pd.DataFrame) -> pd.DataFrame:
+    """`compare` for the SIDM with each proxy and the same network without SIDM."""
+    return compare(table[table.method.isin(["sidm", WITHOUT[0]])], WITHOUT)
+
+
 @styled
 def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
     """Loss against minutes of recorded data, a curve per method and proxy.
 
-    Level lines are models that learnt from the simulated novice alone.
+    Shades reach from minimum to maximum. Level lines are models that learnt from the
+    simulated novice alone.
     """
     axis = LOSS_BY_SIZE | {"xlabel": "recorded data (min)"}
     figure, plots = system_panels(table, systems, "recorded novice of {}", **axis)
     for axes, shown in plots:
-        for way in SHOWN:
-            _draw(axes, shown, way)
+        for method, proxy in SHOWN:
+            rows = shown[_is(shown, (method, proxy))]
+            style: dict[str, Any] = METHOD_STYLES[method]
+            style = style | {"label": label(method, proxy)}
+            if proxy == "novice":
+                style |= {"mfc": "white", "linewidth": 1}
+            recorded = _recorded(rows).groupby("novice_minutes").loss
+            if not len(recorded):
+                continue
+            mean_and_range(axes, recorded.agg(["mean", "min", "max"]), **style)
+            without_data = rows[rows.novice_minutes == 0].loss
+            if len(without_data) and proxy == "novice":
+                style |= {"label": "the last, without recorded data", "marker": ""}
+                axes.axhline(without_data.mean(), **style)
         finish(axes, _recorded(shown).novice_minutes, legend=False)
     legend_below(figure, figure.axes)
     return figure
-
-
-def _draw(axes: Axes, table: pd.DataFrame, way: Way) -> None:
-    """Draw a way's curve of means and its range from minimum to maximum.
-
-    With the simulated novice as the expert, also a level line at the loss without
-    recorded data, where the method has one.
-    """
-    method, proxy = way
-    rows = table[_is(table, way)]
-    style: dict[str, Any] = METHOD_STYLES[method] | {"label": label(method, proxy)}
-    if proxy == "novice":
-        style |= {"mfc": "white", "linewidth": 1}
-    recorded = _recorded(rows)
-    if not len(recorded):
-        return
-    losses = recorded.groupby("novice_minutes").loss.agg(["mean", "min", "max"])
-    mean_and_range(axes, losses, **style)
-    without_data = rows[rows.novice_minutes == 0].loss
-    if len(without_data) and proxy == "novice":
-        text = "the last, without recorded data"
-        axes.axhline(without_data.mean(), **style | {"label": text, "marker": ""})

@@ -144,11 +144,8 @@ def jobs(
     sizes = preset.sizes_in_pool(system, sizes)
     if not sizes:
         return []
-    further = tuple(
-        size
-        for size in preset.sizes_in_pool(system, FURTHER_SIZES)
-        if size > max(sizes)
-    )
+    further = preset.sizes_in_pool(system, FURTHER_SIZES)
+    further = tuple(size for size in further if size > max(sizes))
     fresh, trained = (
         replace(preset.training_of(METHODS[method], system), **FINER_TESTS)
         for method in ("novice_only", "pretrain_finetune")
@@ -168,16 +165,15 @@ def jobs(
             trial = study.trial(
                 system, "pretrain_finetune", max(novice_sizes), seed, trained
             )
-            pretrainings.append(
-                Pretraining(
-                    trial=trial,
-                    fresh=replace(fresh, frozen="sidm"),
-                    sizes=novice_sizes,
-                    experts=count,
-                    paper=paper,
-                    roles=tuple(member.collection.role for member in members),
-                )
+            pretraining = Pretraining(
+                trial=trial,
+                fresh=replace(fresh, frozen="sidm"),
+                sizes=novice_sizes,
+                experts=count,
+                paper=paper,
+                roles=tuple(member.collection.role for member in members),
             )
+            pretrainings.append(pretraining)
     return pretrainings
 
 
@@ -187,31 +183,29 @@ def motion(about: Pretraining) -> dict[Dataset, Sequence[int]]:
     return {**motion_of([about.trial]), **members}
 
 
-def load_experts(
-    about: Pretraining, data: str | Path
-) -> tuple[dict[str, Windows], Standardisation]:
-    """The experts' motion by name, and the units, of the paper's expert's data."""
-    trial = about.trial
-    paper, pixels = trial.datasets["expert"], trial.network.pixels
-    whole = dataset_windows(paper, data, pixels)
-    experts = {}
-    if about.paper:
-        experts["expert"] = whole.first(paper.count // about.experts)
-    for number, member in enumerate(about.members):
-        experts[f"member{number}"] = dataset_windows(member, data, pixels)
-    return experts, Standardisation.fit(whole)
-
-
 def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
     """Train the SIDM on the experts, then all novices of a job."""
     timer = ProvenanceTimer("experts", about, data)
     trial, library = about.trial, Library(data)
+    training = {
+        "all": trial.training,
+        "parts": replace(trial.training, frozen="sidm"),
+        "fresh_parts": about.fresh,
+    }
+    paper, pixels = trial.datasets["expert"], trial.network.pixels
     with one_thread():
-        experts, units = load_experts(about, data)
+        whole = dataset_windows(paper, data, pixels)
+        experts = {}
+        if about.paper:
+            experts["expert"] = whole.first(paper.count // about.experts)
+        for number, member in enumerate(about.members):
+            experts[f"member{number}"] = dataset_windows(member, data, pixels)
+        units = Standardisation.fit(whole)
         weights, history = _train_experts(about, experts, units, data)
         model = DynamicsModel(trial.network, units, trial.seed, tuple(experts))
         model.load_state_dict(weights)
         model.eval()
+        fresh = fresh_novice(model, trial.network, units, trial.seed)
         novices: list[list[dict[str, Any]]] = []  # (M, W)
         chosen, before = [], []
         for minutes in about.sizes:
@@ -220,24 +214,18 @@ def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
             chosen.append(role)
             losses = (validation_loss(model, sets.validation, name) for name in experts)
             before.append(tuple(float(loss.sum()) for loss in losses))
-            starts = {way: expert_as_novice(model, role) for way in ("all", "parts")}
-            starts["fresh_parts"] = fresh_novice(
-                model, trial.network, units, trial.seed
-            )
-            novices.append(
-                [
-                    _train_novice(about, way, sets, starts[way], units, library)
-                    for way in WAYS
-                ]
-            )
-        # the test split, by which the training on the experts was stopped
-        tests = {
-            role: motion.subset(split_indices(len(motion), len(motion), trial.seed)[1])
-            for role, motion in experts.items()
-        }
-        experts_loss = tuple(
-            mean_loss(model, test, role) for role, test in tests.items()
-        )
+            nearest = expert_as_novice(model, role)
+            starts = {"all": nearest, "parts": nearest, "fresh_parts": fresh}
+            fields = [
+                _train_novice(trial, training[way], sets, starts[way], units, library)
+                for way in WAYS
+            ]
+            novices.append(fields)
+        experts_loss = []
+        for role, motion in experts.items():
+            # the test split, by which the training on the experts was stopped
+            _, test = split_indices(len(motion), len(motion), trial.seed)
+            experts_loss.append(mean_loss(model, motion.subset(test), role))
     by_way = [by_field(sizes) for sizes in zip(*novices, strict=True)]
     return PretrainingResult(
         about=about,
@@ -245,7 +233,7 @@ def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
         before=tuple(before),
         **by_field(by_way),
         experts_samples=history["samples"],
-        experts_loss=experts_loss,
+        experts_loss=tuple(experts_loss),
         experts_curve_samples=history["curve_samples"],
         experts_curve_test_loss=history["curve_test_loss"],
         provenance=timer.done(),
@@ -288,29 +276,16 @@ def _test_curve(trained: Trained) -> dict[str, tuple]:
 
 
 def _train_novice(
-    about: Pretraining,
-    way: str,
+    trial: Trial,
+    training: StudyTraining,
     sets: Datasets,
     start: Mapping[str, Tensor],
     units: Standardisation,
     library: Library,
 ) -> dict[str, Any]:
     """Train and evaluate a novice: the fields of PretrainingResult for it."""
-    trial = about.trial
-    training = {
-        "all": trial.training,
-        "parts": replace(trial.training, frozen="sidm"),
-        "fresh_parts": about.fresh,
-    }[way]
-    begun = time.process_time()
-    trained = train(
-        sets,
-        trial.network,
-        training,
-        trial.seed,
-        standardisation=units,
-        start=start,
-    )
+    begun, settings = time.process_time(), (trial.network, training, trial.seed)
+    trained = train(sets, *settings, standardisation=units, start=start)
     seconds = time.process_time() - begun
     evaluation = evaluate(trained.model, trial, library)
     return {

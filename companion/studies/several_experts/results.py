@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from companion.engine.frame import of_trials
 from companion.figures.named_rows import dot_plots, name_rows
-from companion.figures.style import METHOD_STYLES, SIZE_STYLES, legend_below
+from companion.figures.style import METHOD_LABELS, SIZE_STYLES, legend_below
 from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.pairs import pooled_comparison
 from companion.statistics.savings import with_savings, with_savings_texts
@@ -22,7 +22,7 @@ PAPER = "'may lead to a more accurate' one"
 FASTER = "'may also lead to faster training'"
 #: Labels of Figure 3's methods, which have no pretrained SIDM.
 REFERENCES = {
-    "novice_only": METHOD_STYLES["novice_only"]["label"],
+    "novice_only": METHOD_LABELS["novice_only"],
     "sidm": "with SIDM, all at once",
 }
 #: Ways of training the novice that the figure shows -> titles of their plots.
@@ -53,19 +53,18 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         label(number, paper)
         for number, paper in zip(rows.number, rows.paper, strict=True)
     ]
-    rows = rows.explode(["way", *values]).explode(["sizes", *values], ignore_index=True)
-    names = {
-        "sizes": "novice_minutes",
-        "validation_loss": "loss",
-        "samples": "samples",
-        "found_seconds": "seconds",
-    }
-    rows = rows[["system", "experts", "number", "seed", "way", *names]]
-    rows = rows.rename(columns=names).astype(dict.fromkeys(names.values(), float))
-    rows["minutes"] = rows.seconds / 60
+    rows = rows.explode(["way", *values]).explode(["sizes", *values])
     rows["order"] = rows.experts.map({PAPER_EXPERT: 0, MEMBER: 1}).fillna(rows.number)
-    rows = rows.sort_values(["order", "seed"], kind="stable")
-    return rows.drop(columns=["order", "seconds"]).reset_index(drop=True)
+    rows = rows.sort_values(["order", "seed"], kind="stable", ignore_index=True)
+    numbers = {
+        "novice_minutes": rows.sizes,
+        "loss": rows.validation_loss,
+        "samples": rows.samples,
+        "minutes": rows.found_seconds.astype(float) / 60,
+    }
+    numbers = {name: column.astype(float) for name, column in numbers.items()}
+    columns = ["system", "experts", "number", "seed", "way"]
+    return rows[columns].assign(**numbers)
 
 
 def by_size(table: pd.DataFrame) -> pd.DataFrame:
@@ -76,33 +75,10 @@ def by_size(table: pd.DataFrame) -> pd.DataFrame:
     `saved_high` and `bound`: how many times as much data of the novice is needed with
     the SIDM of the paper's expert.
     """
-    groups = table.groupby(["system", "experts", "way", "novice_minutes"], sort=False)
-    means = groups[["loss", "samples", "minutes"]].mean()
-    means.insert(0, "seeds", groups.size())
-    paper = table.experts == PAPER_EXPERT
-    return with_savings(
-        means.reset_index(), table[~paper], table[paper], ["system", "way"], ["experts"]
-    )
-
-
-def before_training(frame: pd.DataFrame) -> pd.DataFrame:
-    """The nearest expert's parts on the novice, before the novice is trained.
-
-    A row per record and size: `experts`, `seed`, `novice_minutes`, the `nearest`
-    expert, and the validation `loss` with its parts.
-    """
-    rows = []
-    for record in of_trials(frame).itertuples():
-        experts = label(record.experts, record.paper)
-        roles = ["expert"] if record.paper else []
-        roles += [f"member{number}" for number in range(len(record.roles))]
-        for minutes, nearest, losses in zip(
-            record.sizes, record.nearest, record.before, strict=True
-        ):
-            loss = losses[roles.index(nearest)]
-            rows.append((experts, record.seed, minutes, nearest, loss))
-    names = ["experts", "seed", "novice_minutes", "nearest", "loss"]
-    return pd.DataFrame(rows, columns=names)
+    means = _means(table, ["system", "experts", "way"]).reset_index()
+    is_paper = table.experts == PAPER_EXPERT
+    others, paper = table[~is_paper], table[is_paper]
+    return with_savings(means, others, paper, ["system", "way"], ["experts"])
 
 
 def costs(joint: pd.DataFrame) -> pd.DataFrame:
@@ -111,16 +87,16 @@ def costs(joint: pd.DataFrame) -> pd.DataFrame:
     `joint` are results of these methods, whose parts are all trained at once.
     """
     rows = joint[joint.method.isin(list(REFERENCES))]
-    groups = rows.assign(minutes=rows.seconds / 60).groupby(
-        ["method", "novice_minutes"], sort=False
-    )
-    means = groups.agg(
-        seeds=("seed", "size"),
-        loss=("validation_loss", "mean"),
-        samples=("samples", "mean"),
-        minutes=("minutes", "mean"),
-    )
-    return means.reset_index()
+    rows = rows.assign(loss=rows.validation_loss, minutes=rows.seconds / 60)
+    return _means(rows, ["method"]).reset_index()
+
+
+def _means(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
+    """Number of seeds and means of novices' numbers, by group and size."""
+    groups = rows.groupby([*by, "novice_minutes"], sort=False)
+    means = groups[["loss", "samples", "minutes"]].mean()
+    means.insert(0, "seeds", groups.size())
+    return means
 
 
 def page_table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -138,22 +114,23 @@ def page_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 def experts_table(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per pretraining for a page: its losses, and the nearest expert by size."""
-    nearest = before_training(frame).groupby(["experts", "seed"])
-    found = {
-        key: ", ".join(f"{line.nearest} {line.loss:.3g}" for line in lines.itertuples())
-        for key, lines in nearest
-    }
     order = {"experts": True, "paper": False, "trial_seed": True}
     rows = []
     for record in frame.sort_values([*order], ascending=[*order.values()]).itertuples():
-        experts, losses = label(record.experts, record.paper), record.experts_loss
+        roles = ["expert"] if record.paper else []
+        roles += [f"member{number}" for number in range(len(record.roles))]
+        nearest = [
+            f"{role} {losses[roles.index(role)]:.3g}"
+            for role, losses in zip(record.nearest, record.before, strict=True)
+        ]
+        losses = record.experts_loss
         line = (
-            experts,
+            label(record.experts, record.paper),
             record.trial_seed,
             f"{record.experts_samples:,}",
             f"{losses[0]:.3f}" if record.paper else "-",
             f"{max(losses):.3f}",
-            found[experts, record.trial_seed],
+            ", ".join(nearest),
         )
         rows.append(line)
     names = ["experts", "seed", "samples of the SIDM"]
@@ -163,12 +140,7 @@ def experts_table(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def robots_table(system: str, members: int) -> tuple[list[str], list[tuple]]:
-    """Head and rows of a table: parameters of a pair's robots and of family members.
-
-    Args:
-        system: the pair.
-        members: number of members.
-    """
+    """Head and rows of a table: parameters of a pair's robots and of family members."""
     pair = find_system(system)
     robots = {"novice": pair.novice, PAPER_EXPERT: pair.expert}
     robots |= {f"member {number}": family_robot(number) for number in range(members)}

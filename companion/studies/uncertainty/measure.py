@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from companion.beyond.distributions import (
     MIN_LOG_STD,
@@ -41,11 +40,10 @@ from companion.study import Study
 from companion.trials import Trial
 from sidm.config import config
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets, Windows
+from sidm.learning.dataset import Windows
 from sidm.learning.evaluation import EVALUATION_BATCH, validation_loss
-from sidm.learning.model import DynamicsModel, Predictor
+from sidm.learning.model import Predictor
 from sidm.learning.seeds import generator
-from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
 
 SIZES = (1.0, 5.0, 60.0)  # novice data, min
@@ -54,6 +52,11 @@ PARTICLES = 64  # of a rollout
 UNTRAINED: dict[str, Any] = dict.fromkeys(
     ("samples", "best_samples", "best_test_loss", "training_seconds"), 0
 ) | (dict.fromkeys(("curve_samples", "curve_test_loss", "curve_training_loss"), ()))
+#: The fields on the latents of a twin, which has none.
+NO_LATENTS: dict[str, Any] = {
+    "latent_spread": (0.0, 0.0),
+    "quietest": (0.0, 0.0, 0.0),
+}
 
 
 @config
@@ -137,6 +140,7 @@ def jobs(
 def measure(about: Fit, data: str | Path = "data") -> FitResult:
     """Train and evaluate a model."""
     timer, trial = ProvenanceTimer("uncertainty", about.trial, data), about.trial
+    training, latents = UNTRAINED, NO_LATENTS
     with one_thread():
         library = Library(data)
         sets = library.datasets(trial)
@@ -147,56 +151,45 @@ def measure(about: Fit, data: str | Path = "data") -> FitResult:
             trained = train_distributions(
                 sets, trial.network, trial.training, trial.seed, units
             )
-            training = _training_fields(trained, time.perf_counter() - start)
+            training = {
+                "samples": trained.samples,
+                "best_samples": trained.best_samples,
+                "training_seconds": time.perf_counter() - start,
+                "best_test_loss": float(trained.best_test_loss),
+                **curve(trained),
+            }
             model = trained.model
             assert isinstance(model, DistributionModel)
             predictor: Predictor = model
-            calibration = _calibration_fields(model, about, library, DRAWS)
+            spread: StochasticPredictor = model
             latents = latent_fields(model, sets.validation)
         else:
             predictor = twin = model_of(trial, data)
-            spread = ConstantSpread(twin, residual_spread(twin, sets))
-            calibration = _calibration_fields(spread, about, library, 1)
-            latents = {"latent_spread": (0.0, 0.0), "quietest": (0.0, 0.0, 0.0)}
-            training = UNTRAINED
+            # errors on the test split, from which no weights have learned
+            errors = validation_loss(twin, sets.test).float().sqrt().clamp_min(1e-6)
+            spread = ConstantSpread(twin, errors)
+        draws = DRAWS if about.likelihood else 1
+        motion = library.motion(trial, "validation")
+        rng = generator(trial.seed, "validation")
+        step = one_step(spread, motion, rng, draws)
+        at_means = one_step(spread, motion, None, 1)
+        paths = rollout_coverage(spread, trial, library, about.particles)
         means = evaluate(predictor, trial, library)
     return FitResult(
         about=about,
         validation_loss=float(means.losses.sum()),
         component_losses=as_lists(means.losses),
+        **step._asdict(),
+        nll_at_means=at_means.nll,
+        steps_coverage=as_lists(paths.inside),
+        steps_width=as_lists(paths.width),
+        steps_error=as_lists(paths.error),
         position_error=as_lists(means.position),
         heading_error=as_lists(means.heading),
-        **calibration,
         **latents,
         **training,
         provenance=timer.done(),
     )
-
-
-def _training_fields(trained: Trained, seconds: float) -> dict[str, Any]:
-    return {
-        "samples": trained.samples,
-        "best_samples": trained.best_samples,
-        "training_seconds": seconds,
-        "best_test_loss": float(trained.best_test_loss),
-        **curve(trained),
-    }
-
-
-def _calibration_fields(
-    model: StochasticPredictor, about: Fit, library: Library, draws: int
-) -> dict[str, Any]:
-    trial, validation = about.trial, library.motion(about.trial, "validation")
-    rng = generator(trial.seed, "validation")
-    step = one_step(model, validation, rng, draws)
-    paths = rollout_coverage(model, trial, library, about.particles)
-    return {
-        **step._asdict(),
-        "nll_at_means": one_step(model, validation, None, 1).nll,
-        "steps_coverage": as_lists(paths.inside),
-        "steps_width": as_lists(paths.width),
-        "steps_error": as_lists(paths.error),
-    }
 
 
 def latent_fields(model: DistributionModel, motion: Windows) -> dict[str, Any]:
@@ -215,21 +208,12 @@ def latent_fields(model: DistributionModel, motion: Windows) -> dict[str, Any]:
             quiet.append([float((std <= bound).double().mean()) for std in all_stds])
     spreads = []
     for parts in (latents, transitions):
-        means = torch.cat([part.mean.flatten(0, 1) for part in parts])
-        stds = torch.cat([part.std.flatten(0, 1) for part in parts])
+        means, stds = (
+            torch.cat(values).flatten(0, 1) for values in zip(*parts, strict=True)
+        )
         spreads.append(float(stds.mean() / means.std(0).mean()))
-    return {
-        "latent_spread": tuple(spreads),
-        "quietest": tuple(np.mean(quiet, axis=0).tolist()),
-    }
-
-
-def residual_spread(model: DynamicsModel, sets: Datasets) -> Tensor:
-    """Root mean squared errors (13,), at least 1e-6, on the test split.
-
-    No weights have learned from the test split.
-    """
-    return validation_loss(model, sets.test).float().sqrt().clamp_min(1e-6)
+    shares = tuple(np.mean(quiet, axis=0).tolist())
+    return {"latent_spread": tuple(spreads), "quietest": shares}
 
 
 def rollout_coverage(
@@ -240,17 +224,16 @@ def rollout_coverage(
     coverages = []
     grounds = library.rollout_heights(trial)
     for drive, heights in zip(library.rollouts(trial), grounds, strict=True):
-        states = np.asarray(drive.states[: ROLLOUT_STEPS + 1], float)
-        actions = np.asarray(drive.actions[:ROLLOUT_STEPS], float)
-        actual = torch.from_numpy(states)
+        actual, actions = (
+            torch.from_numpy(np.asarray(values, float))
+            for values in (
+                drive.states[: ROLLOUT_STEPS + 1],
+                drive.actions[:ROLLOUT_STEPS],
+            )
+        )
+        pixels = trial.network.pixels
         paths = particle_rollout(
-            model,
-            heights,
-            actual[0],
-            torch.from_numpy(actions),
-            trial.network.pixels,
-            particles,
-            noise,
+            model, heights, actual[0], actions, pixels, particles, noise
         )
         coverages.append(path_coverage(paths, actual, LEVELS))
     return PathCoverage(

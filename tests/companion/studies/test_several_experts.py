@@ -114,5 +114,3 @@ def test_the_claims_are_of_most_experts_and_one(made_up, jobs, make_row):
     assert rows.ours[7] == "6.67 (6.67 to 6.67)"
     assert len(claims(table(made_up), joint[:0])) == 6
     assert not len(claims(table(made_up[:1]), joint))
-    alone = claims(table(made_up[made_up.paper]), joint)
-    assert not alone.claim.str.contains("of the family").any()
