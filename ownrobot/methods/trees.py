@@ -51,8 +51,7 @@ class Forest(NamedTuple):
     def constant(cls, values: Tensor) -> Forest:
         """A forest without trees that predicts `values` (Y,)."""
         whole = torch.zeros(0, dtype=torch.int64)
-        number = torch.zeros(0, dtype=torch.float64)
-        flags = torch.zeros(0, dtype=torch.bool)
+        number, flags = whole.double(), whole.bool()
         return cls(
             whole, number, flags, whole, whole, number, whole, whole, values.double()
         )
@@ -90,15 +89,14 @@ class Forest(NamedTuple):
 
     def predict(self, features: Tensor) -> Tensor:
         """Components (N, Y), float64, at features (N, F), float64."""
-        small = self.feature.int(), self._children()  # short numbers are read faster
+        feature = self.feature.int()  # short numbers are read faster
+        # Node i has its left child at 2 i, its right one at 2 i + 1.
+        children = torch.stack([self.left, self.right], 1).flatten().int()
         parts = [
-            self._predict_part(part, *small) for part in features.split(ROWS_AT_A_TIME)
+            self._predict_part(part, feature, children)
+            for part in features.split(ROWS_AT_A_TIME)
         ]
         return torch.cat(parts) if parts else self.baseline.expand(0, -1)
-
-    def _children(self) -> Tensor:
-        """Children (2 n,), int32: node i has its left at 2 i, its right at 2 i + 1."""
-        return torch.stack([self.left, self.right], 1).flatten().int()
 
     def _predict_part(
         self, features: Tensor, feature: Tensor, children: Tensor
@@ -140,19 +138,15 @@ class Trees(ClosedForm):
         self.body = body
         self.keep(forest)
 
-    @property
-    def forest(self) -> Forest:
-        """The trees."""
-        return Forest(*(getattr(self, name).data for name in Forest._fields))
-
     def forward(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Tensor | None = None
     ):
         """Transitions (B, T, Y) in raw units, and the last x (B, 1, X)."""
         rows = features(inputs, maps, self.body, memory)
-        changes = self.forest.predict(rows.flatten(0, 1)).unflatten(0, rows.shape[:2])
-        predicted = (changes + kept_columns(inputs, self.body)).to(inputs.dtype)
-        return predicted, inputs[:, -1:]
+        changes = self.kept(Forest).predict(rows.flatten(0, 1))
+        predicted = changes.unflatten(0, rows.shape[:2])
+        predicted = predicted + kept_columns(inputs, self.body)
+        return predicted.to(inputs.dtype), inputs[:, -1:]
 
 
 def features(
