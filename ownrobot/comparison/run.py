@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -104,10 +103,14 @@ def compare(
         >>> bool(comparison.ratio("least_squares", "mean").high < 1)
         True
     """
-    with _noted() as notices:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", Notice)
         drives, experts = robots_from(
             novice, expert, body, expert_body, topics=topics, skip_bad=skip_bad
         )
+    for one in caught:  # notices are shown, and kept for the report
+        warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+    notices = [str(one.message) for one in caught if issubclass(one.category, Notice)]
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
     methods = [methods] if isinstance(methods, str) else methods
@@ -151,21 +154,6 @@ def _named(drives: list[Drive]) -> list[Drive]:
         replace(drive, name=f"{drive.name} {number}".strip())
         for number, drive in enumerate(drives)
     ]
-
-
-@contextlib.contextmanager
-def _noted() -> Iterator[list[str]]:
-    """Collect the texts of notices in the block, which are shown all the same."""
-    texts: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", Notice)
-        yield texts
-    for warning in caught:
-        if issubclass(warning.category, Notice):
-            texts.append(str(warning.message))
-        warnings.warn_explicit(
-            warning.message, warning.category, warning.filename, warning.lineno
-        )
 
 
 def outcome_of(task: Task, fit: Fit) -> FitResult | str:

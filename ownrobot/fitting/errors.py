@@ -26,24 +26,16 @@ ONE_STEP, OPEN_LOOP = "one step", "open loop"
 
 @config
 class Score:
-    """Loss of a model on drives that it has not learnt from.
+    """Loss of a model on drives that it has not learnt from."""
 
-    Attributes:
-        loss: mean loss of a step, equation (1)
-        standard_error: standard error of the loss, from its spread between sessions, or
-            between drives of a single session; None for a single drive
-        mean_loss: loss of predicting the mean of the training drives; None if unknown
-        drives: number of drives
-        sessions: number of their sessions
-        folds: number of models that were evaluated, each on the part of the drives that
-            it did not learn from; 1 for a single model
-    """
-
-    loss: float
+    loss: float  # mean loss of a step, equation (1)
+    #: from the spread between sessions, or between drives of a single session; None
+    #: for a single drive
     standard_error: float | None
-    mean_loss: float | None
+    mean_loss: float | None  # of predicting the mean of the training drives, if known
     drives: int
     sessions: int
+    #: number of models, each evaluated on what it did not learn from
     folds: int = 1
 
     def __str__(self) -> str:
@@ -57,21 +49,13 @@ class Score:
 
 
 class DriveLosses(NamedTuple):
-    """Losses of N drives, one entry for each; a loss is the mean over a drive's steps.
+    """Losses of N drives, an entry for each; a loss is a mean over a drive's steps."""
 
-    Attributes:
-        components: (N, Y), terms of equation (1); their sum is the loss
-        mean_components: (N, Y), terms of predicting the mean; None if it is unknown
-        steps: (N,), number of steps
-        drives: (N,), names of the drives
-        sessions: (N,), names of the sessions
-    """
-
-    components: np.ndarray
-    mean_components: np.ndarray | None
-    steps: np.ndarray
-    drives: np.ndarray
-    sessions: np.ndarray
+    components: np.ndarray  # (N, Y), terms of equation (1); their sum is the loss
+    mean_components: np.ndarray | None  # (N, Y), of predicting the mean, if known
+    steps: np.ndarray  # (N,), number of steps
+    drives: np.ndarray  # (N,), names
+    sessions: np.ndarray  # (N,), names of the sessions
 
     @property
     def losses(self) -> np.ndarray:

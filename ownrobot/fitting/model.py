@@ -222,19 +222,10 @@ class Model:
     ) -> np.ndarray:
         """Predict many steps ahead, each from the prediction before it (Figure 4).
 
-        A network begins without memory here; `predict` lets it see the steps before.
-
-        Args:
-            state: (S,), state of the robot at the start.
-            actions: (K, A), the robot's actions.
-            ground: ground under the robot, for a body with a height map.
-
-        Returns:
-            States (K + 1, S); the first is `state`.
-
-        Raises:
-            ConfigError: the body sees a height map, and no ground is given.
-            ValueError: `state` or `actions` has another shape than the body asks for.
+        States (K + 1, S) from the `state` (S,) at the start, which is the first, and
+        the robot's `actions` (K, A). A body with a height map needs the `ground` under
+        the robot. A network begins without memory here; `predict` lets it see the steps
+        before.
         """
         if self.body.map_size and ground is None:
             raise ConfigError(

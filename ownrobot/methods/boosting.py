@@ -81,18 +81,11 @@ def learn(
 
 
 class Grown(NamedTuple):
-    """Grown trees.
+    """A forest with grown trees, and mean squared errors (Y,) of trees."""
 
-    Attributes:
-        forest: the base with the trees of both splits
-        train_errors: (Y,) mean squared errors of the trees on both splits
-        test_errors: (Y,) mean squared errors on the test split of the trees of the
-            train split alone
-    """
-
-    forest: Forest
-    train_errors: Tensor
-    test_errors: Tensor
+    forest: Forest  # the base with the trees of both splits
+    train_errors: Tensor  # of these trees on both splits
+    test_errors: Tensor  # on the test split, of the trees of the train split alone
 
 
 def grow(

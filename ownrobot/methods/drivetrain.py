@@ -49,22 +49,16 @@ Kind = Literal["sides", "twist", "steered"]
 class Drivetrain(NamedTuple):
     """The numbers of a body that a kinematic model is made of.
 
-    Attributes:
-        kind: 'sides': left and right speed of the wheels; 'twist': forward speed and
-            yaw rate; 'steered': speed and steering
-        first: left speed, forward speed or speed
-        second: right speed, yaw rate or steering
-        speed: column of the robot's forward speed if the motion decides it, else None
-        yaw_rate: column of the robot's yaw rate if the motion decides it, else None
-        followed: number of a wheel's column -> number of its command, for wheels that
-            have one command in the same unit
+    Of 'sides', the signals are left and right speed of the wheels; of a 'twist',
+    forward speed and yaw rate; of a 'steered' robot, speed and steering. Wheels that
+    have one command in the same unit are `followed`, from column to command.
     """
 
     kind: Kind
     first: Signal
     second: Signal
-    speed: int | None
-    yaw_rate: int | None
+    speed: int | None  # column of the forward speed if the motion decides it
+    yaw_rate: int | None  # column of the yaw rate if the motion decides it
     followed: dict[int, int]
 
 

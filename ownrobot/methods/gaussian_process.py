@@ -54,21 +54,15 @@ FeatureUnits = tuple[np.ndarray, np.ndarray]
 class Posterior(NamedTuple):
     """Means of several processes that have learnt from the same samples; all float64.
 
-    Attributes:
-        mean: (F,), is subtracted from features
-        std: (F,), divides features
-        samples: (n, F), standardised features that were learnt from
-        length_scales: (Y, F), of the kernel exp(-d^2 / 2), in units of `std`
-        weights: (n, Y), of the kernels at the samples
-        baseline: (Y,), the components far away from all samples
+    The kernel of a component is exp(-d^2 / 2), d in length scales.
     """
 
-    mean: Tensor
-    std: Tensor
-    samples: Tensor
-    length_scales: Tensor
-    weights: Tensor
-    baseline: Tensor
+    mean: Tensor  # (F,), is subtracted from features
+    std: Tensor  # (F,), divides features
+    samples: Tensor  # (n, F), standardised features that were learnt from
+    length_scales: Tensor  # (Y, F), in units of `std`
+    weights: Tensor  # (n, Y), of the kernels at the samples
+    baseline: Tensor  # (Y,), the components far away from all samples
 
     def predict(self, rows: Tensor) -> Tensor:
         """Components (N, Y), float64, at features (N, F), float64."""

@@ -102,19 +102,12 @@ class LeastSquares(ClosedForm):
 
 
 class NormalEquations(NamedTuple):
-    """Sums over some steps, float64, from which least squares are solved.
+    """Sums over some steps, float64, from which least squares are solved."""
 
-    Attributes:
-        gram: (F, F), products of two functions
-        cross: (F, Y), products of a function and a target
-        squares: squares of the targets
-        steps: how many steps were added
-    """
-
-    gram: Tensor
-    cross: Tensor
-    squares: float
-    steps: int
+    gram: Tensor  # (F, F), products of two functions
+    cross: Tensor  # (F, Y), products of a function and a target
+    squares: float  # of the targets
+    steps: int  # how many were added
 
     def plus(self, other: NormalEquations) -> NormalEquations:
         """Sums over these steps and those of `other`."""

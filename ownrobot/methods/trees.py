@@ -23,29 +23,17 @@ ROWS_AT_A_TIME = 64  # each visits every tree; a processor's cache holds so many
 
 
 class Forest(NamedTuple):
-    """Trees of several regressions, node by node; a leaf is its own child.
+    """Trees of several regressions, node by node; a leaf is its own child."""
 
-    Attributes:
-        feature: (n,) int64, the number that a node looks at
-        threshold: (n,) float64; a number up to the threshold goes to the left
-        missing_left: (n,) bool, whether a missing number (NaN) goes to the left
-        left: (n,) int64, the child on the left
-        right: (n,) int64, the child on the right
-        value: (n,) float64, a leaf's contribution to its component
-        roots: (R,) int64, each tree's first node
-        component: (R,) int64, the component of y that a tree adds to
-        baseline: (Y,) float64, the components without any tree
-    """
-
-    feature: Tensor
-    threshold: Tensor
-    missing_left: Tensor
-    left: Tensor
-    right: Tensor
-    value: Tensor
-    roots: Tensor
-    component: Tensor
-    baseline: Tensor
+    feature: Tensor  # (n,) int64, the number that a node looks at
+    threshold: Tensor  # (n,) float64; a number up to the threshold goes to the left
+    missing_left: Tensor  # (n,) bool, whether a missing number (NaN) goes to the left
+    left: Tensor  # (n,) int64, the child on the left
+    right: Tensor  # (n,) int64, the child on the right
+    value: Tensor  # (n,) float64, a leaf's contribution to its component
+    roots: Tensor  # (R,) int64, each tree's first node
+    component: Tensor  # (R,) int64, the component of y that a tree adds to
+    baseline: Tensor  # (Y,) float64, the components without any tree
 
     @classmethod
     def constant(cls, values: Tensor) -> Forest:
