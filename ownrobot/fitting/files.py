@@ -16,12 +16,13 @@ from torch import Tensor
 
 from ownrobot.body_file import body_from_mapping, body_to_mapping
 from ownrobot.fitting.errors import Score
-from ownrobot.methods.gaussian_process import GaussianProcess, Posterior
+from ownrobot.methods.gaussian_process import Posterior
 from ownrobot.methods.kinematics import Kinematics
 from ownrobot.methods.least_squares import LeastSquares
 from ownrobot.methods.pooled import Pooled
 from ownrobot.methods.registry import METHODS
-from ownrobot.methods.trees import Forest, Trees
+from ownrobot.methods.regression import Regression
+from ownrobot.methods.trees import Forest
 from ownrobot.methods.trivial import Trivial
 from sidm import __version__
 from sidm.body import Body
@@ -188,20 +189,19 @@ def _predictor(
         model = Kinematics(name, body, scale)
     elif config.fit == "trivial":
         model = Trivial(name, body, scale)
-    elif config.fit == "trees":
-        model = Trees(body, Forest(*(tensors[n] for n in Forest._fields)), scale)
     elif config.fit == "gradients":
         model = DynamicsModel(network, roles=["novice"])
     else:
         base: Predictor | None = None
         if config.pretrained:
             base = DynamicsModel(network, roles=["novice"])
-        elif config.residual:
+        elif config.residual and config.fit != "trees":
             base = least_squares(None)
-        if config.fit == "gaussian_process":
-            posterior = Posterior(*(tensors[name] for name in Posterior._fields))
-            model = GaussianProcess(body, posterior, base, scale)
-        else:
+        if config.fit == "least_squares":
             model = least_squares(base)
+        else:
+            kind: Any = Forest if config.fit == "trees" else Posterior
+            regressions = kind(*(tensors[name] for name in kind._fields))
+            model = Regression(body, regressions, base, scale)
     model.load_state_dict(weights)
     return Pooled(model) if config.pooled else model

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from ownrobot.methods.closed_form import fitted, weights_of
 from ownrobot.methods.fine_tuning import expert_of, pretraining_datasets
-from ownrobot.methods.trees import Forest, Trees, features, kept_columns
+from ownrobot.methods.regression import Regression, Samples, joined, samples
+from ownrobot.methods.trees import Forest
 from sidm.body import Body
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.training import Trained
@@ -42,9 +43,6 @@ STEPS_PER_LEAF = 10
 #: split is the last.
 ROUNDS_AT_A_TIME = 50
 
-#: Features (N, F) and residuals, (N, Y) or (N,) of one component, float64.
-Data = tuple[np.ndarray, np.ndarray]
-
 
 def learn(
     datasets: Datasets,
@@ -67,17 +65,18 @@ def learn(
         base, growth = grow(alone, body, base, EXPERT, seed).forest, CORRECTION
     if pooled:
         train, expert = datasets.train, expert_of(datasets)
-        joined = Windows(
+        both = Windows(
             torch.cat([train.inputs, expert.inputs]),
             torch.cat([train.targets, expert.targets]),
             torch.cat([train.maps, expert.maps]),
         )
-        datasets = datasets._replace(train=joined)
+        datasets = datasets._replace(train=both)
     grown = grow(datasets, body, base, growth, seed)
     weights = weights_of(body, scale)
     train_loss, test_loss = (float((weights * part).sum()) for part in grown[1:])
+    model = Regression(body, grown.forest, scale=scale)
     steps = sum(part.targets[..., 0].numel() for part in datasets[:2])
-    return fitted(Trees(body, grown.forest, scale), steps, train_loss, test_loss)
+    return fitted(model, steps, train_loss, test_loss)
 
 
 class Grown(NamedTuple):
@@ -95,14 +94,13 @@ def grow(
     import sklearn.ensemble  # noqa: F401 - its OpenMP must be there to be limited
     from threadpoolctl import threadpool_limits
 
-    train, test = (
-        _features_and_residuals(part, body, base)
-        for part in (datasets.train, datasets.test)
-    )
-    both = np.concatenate([train[0], test[0]]), np.concatenate([train[1], test[1]])
+    parts = []
+    for windows in datasets[:2]:
+        x, y = samples(windows, body)
+        parts.append((x, y - base.predict(torch.from_numpy(x)).numpy()))
     forest, errors = base, []
     for component in range(len(body.targets)):
-        data = [(x, y[:, component]) for x, y in (train, test, both)]
+        data = [(x, y[:, component]) for x, y in (*parts, joined(*parts))]
         with threadpool_limits(1, user_api="openmp"):
             trees, baseline, *of_component = _grow_component(data, growth, seed)
         forest = forest.with_trees(component, trees, baseline)
@@ -112,7 +110,7 @@ def grow(
 
 
 def _grow_component(
-    data: Sequence[Data], growth: Growth, seed: int
+    data: Sequence[Samples], growth: Growth, seed: int
 ) -> tuple[list[Any], float, float, float]:
     """Nodes of trees, baseline, and errors as in `Grown`, of one component.
 
@@ -133,7 +131,7 @@ def _grow_component(
 
 
 def _best_rounds(
-    growth: Growth, train: Data, test: Data, seed: int
+    growth: Growth, train: Samples, test: Samples, seed: int
 ) -> tuple[int, float]:
     """The number of trees with the lowest error on the test split, and this error.
 
@@ -154,14 +152,6 @@ def _best_rounds(
         if best <= rounds - ROUNDS_AT_A_TIME:
             break
     return best, float(errors[best])
-
-
-def _features_and_residuals(windows: Windows, body: Body, base: Forest) -> Data:
-    """Features, and what a forest leaves of the changes."""
-    rows = features(windows.inputs, windows.maps, body).flatten(0, 1)
-    changes = windows.targets.double() - kept_columns(windows.inputs, body)
-    residuals = changes.flatten(0, 1) - base.predict(rows)
-    return rows.numpy(), residuals.numpy()
 
 
 def _regressor(growth: Growth, steps: int, seed: int) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
-
 import torch
 from torch import Tensor
 
@@ -11,8 +9,6 @@ from sidm.body import Body
 from sidm.learning.model import Predictor
 from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
-
-T = TypeVar("T", bound=NamedTuple)
 
 
 class ClosedForm(Predictor):
@@ -27,15 +23,6 @@ class ClosedForm(Predictor):
     def loss_weights(self, role: str) -> Tensor | None:
         """Weights (Y,) of the components in equation (1)."""
         return self.scale
-
-    def keep(self, tensors: NamedTuple) -> None:
-        """Make tensors, which are not trained, parameters of their names."""
-        for name, tensor in tensors._asdict().items():
-            self.register_parameter(name, torch.nn.Parameter(tensor.clone(), False))
-
-    def kept(self, kind: type[T]) -> T:
-        """The tensors that `keep` made parameters."""
-        return kind(*(getattr(self, name).data for name in kind._fields))
 
 
 def fitted(

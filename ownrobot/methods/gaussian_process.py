@@ -1,11 +1,9 @@
 """Gaussian processes: one regression for each component of y, with all its samples.
 
-They see what boosted trees see, and predict how much a column changes, too. The mean of
-a process is a weighted sum of kernels, one at each sample that was learnt from, so its
-prediction and storage need PyTorch alone; scikit-learn finds the kernels. A kernel has
-a length scale for each feature, a variance and white noise, of the highest likelihood
-on a part of the samples. So few samples often ask for too short length scales, which
-the test split corrects by a common factor.
+The mean of a process is a weighted sum of kernels, one at each sample that was learnt
+from. A kernel has a length scale for each feature, a variance and white noise, of the
+highest likelihood on a part of the samples. So few samples often ask for too short
+length scales, which the test split corrects by a common factor.
 
 Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), equation 2.25.
 """
@@ -22,11 +20,11 @@ import torch
 from scipy.linalg import cho_factor, cho_solve
 from torch import Tensor
 
-from ownrobot.methods.closed_form import ClosedForm, fitted, weights_of
+from ownrobot.methods.closed_form import fitted, weights_of
 from ownrobot.methods.fine_tuning import expert_of
-from ownrobot.methods.trees import features, kept_columns
+from ownrobot.methods.regression import Regression, Samples, joined, samples
 from sidm.body import Body
-from sidm.learning.dataset import Datasets, Windows
+from sidm.learning.dataset import Datasets
 from sidm.learning.model import Predictor
 from sidm.learning.training import Trained
 
@@ -45,8 +43,6 @@ JITTER = 1e-10  # is added to the diagonal of a covariance, as scikit-learn does
 #: Standard deviation below which a component or a feature counts as constant.
 SMALLEST_STD = 1e-9
 
-#: Features (n, F), and what is left of the transitions (n, Y), both float64.
-Samples = tuple[np.ndarray, np.ndarray]
 #: Mean and standard deviation (F,) of the features.
 FeatureUnits = tuple[np.ndarray, np.ndarray]
 
@@ -86,47 +82,6 @@ def _kernel(rows: Tensor, samples: Tensor) -> Tensor:
     )
 
 
-class GaussianProcess(ClosedForm):
-    """Predicts transitions (B, T, Y) with Gaussian processes.
-
-    They correct a base, the expert's model without a memory, or predict the changes of
-    columns. The memory is the last x, (B, 1, X); at a drive's first step the x before
-    is x itself.
-    """
-
-    def __init__(
-        self,
-        body: Body,
-        posterior: Posterior,
-        base: Predictor | None = None,
-        scale: Tensor | None = None,
-    ):
-        super().__init__(scale)
-        self.body, self.base = body, base
-        self.keep(posterior)
-
-    def forward(
-        self, role: str, inputs: Tensor, maps: Tensor, memory: Tensor | None = None
-    ):
-        """Transitions (B, T, Y) in raw units, and the last x (B, 1, X)."""
-        rows = features(inputs, maps, self.body, memory)
-        changes = self.kept(Posterior).predict(rows.flatten(0, 1))
-        begun = _first_guess(inputs, maps, self.body, self.base)
-        predicted = begun + changes.unflatten(0, rows.shape[:2])
-        return predicted.to(inputs.dtype), inputs[:, -1:]
-
-
-def _first_guess(
-    inputs: Tensor, maps: Tensor, body: Body, base: Predictor | None
-) -> Tensor:
-    """What the processes add to, (B, T, Y), float64: a base, or columns as they are."""
-    if base is None:
-        return kept_columns(inputs, body)
-    with torch.inference_mode():
-        predicted, _ = base("novice", inputs, maps)
-    return predicted.double()
-
-
 def learn(
     datasets: Datasets,
     body: Body,
@@ -145,34 +100,22 @@ def learn(
     """
     with _quiet_on_one_thread():
         train, test = (
-            _samples(part, body, base) for part in (datasets.train, datasets.test)
+            samples(part, body, base) for part in (datasets.train, datasets.test)
         )
-        expert = _samples(expert_of(datasets), body, base) if pooled else None
+        expert = samples(expert_of(datasets), body, base) if pooled else None
         rng = np.random.default_rng(seed)
         drawn = _draw(train, expert, rng)
         units = _moments(drawn[0])
         kernels, test_errors = _fit_kernels(drawn, test, units)
-        both = _joined(train, test)
+        both = joined(train, test)
         posterior = condition(_draw(both, expert, rng), kernels, units)
         # Of hours of motion, these are enough for a number that only tells of the fit.
         rows, residuals = (part[:MOST_SAMPLES] for part in both)
         train_errors = _errors(posterior, rows, residuals)
-    model = GaussianProcess(body, posterior, base, scale)
+    model = Regression(body, posterior, base, scale)
     weights = weights_of(body, scale).double().numpy()
     train_loss, test_loss = float(train_errors @ weights), float(test_errors @ weights)
     return fitted(model, len(both[0]), train_loss, test_loss)
-
-
-def _samples(windows: Windows, body: Body, base: Predictor | None) -> Samples:
-    """Features of all steps, and what is left of their transitions."""
-    rows = features(windows.inputs, windows.maps, body).flatten(0, 1)
-    begun = _first_guess(windows.inputs, windows.maps, body, base)
-    residuals = (windows.targets.double() - begun).flatten(0, 1)
-    return rows.numpy(), residuals.numpy()
-
-
-def _joined(first: Samples, second: Samples) -> Samples:
-    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
 
 
 def _draw(novice: Samples, expert: Samples | None, rng: np.random.Generator) -> Samples:
@@ -183,7 +126,7 @@ def _draw(novice: Samples, expert: Samples | None, rng: np.random.Generator) -> 
         return novice[0][rows], novice[1][rows]
     of_expert = rng.permutation(len(expert[0]))[: max(most - count, most // 2)]
     of_novice = rng.permutation(count)[: most - len(of_expert)]
-    x, y = _joined(
+    x, y = joined(
         (novice[0][of_novice], novice[1][of_novice]),
         (expert[0][of_expert], expert[1][of_expert]),
     )

@@ -1,9 +1,6 @@
-"""Boosted regression trees: one sequence of trees for each component of y.
+"""Boosted regression trees as tensors: one sequence of trees for each component of y.
 
-They see x of this step and of the step before, and a dozen numbers of the height map
-where the body has one. They predict how much a column changes rather than the column
-itself: a sum of steps is a poor copy of a number. `boosting` grows them;
-predictions and storage need PyTorch alone.
+`boosting` grows them.
 """
 
 from __future__ import annotations
@@ -14,10 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
-
-from ownrobot.methods.closed_form import ClosedForm, columns_and_actions
-from ownrobot.methods.map_features import map_features
-from sidm.body import Body
 
 ROWS_AT_A_TIME = 64  # each visits every tree; a processor's cache holds so many
 
@@ -112,48 +105,3 @@ class Forest(NamedTuple):
 def _tensor(array: Any) -> Tensor:
     """A tensor with a copy of a field of a structured array."""
     return torch.from_numpy(np.array(array, dtype=np.float64))
-
-
-class Trees(ClosedForm):
-    """Predicts transitions (B, T, Y) with boosted trees.
-
-    The memory is the last x, (B, 1, X); at a drive's first step the x before is x
-    itself.
-    """
-
-    def __init__(self, body: Body, forest: Forest, scale: Tensor | None = None):
-        super().__init__(scale)
-        self.body = body
-        self.keep(forest)
-
-    def forward(
-        self, role: str, inputs: Tensor, maps: Tensor, memory: Tensor | None = None
-    ):
-        """Transitions (B, T, Y) in raw units, and the last x (B, 1, X)."""
-        rows = features(inputs, maps, self.body, memory)
-        changes = self.kept(Forest).predict(rows.flatten(0, 1))
-        predicted = changes.unflatten(0, rows.shape[:2])
-        predicted = predicted + kept_columns(inputs, self.body)
-        return predicted.to(inputs.dtype), inputs[:, -1:]
-
-
-def features(
-    inputs: Tensor, maps: Tensor, body: Body, before: Tensor | None = None
-) -> Tensor:
-    """Features (B, T, F), float64: x, the x of the step before, and the map's features.
-
-    Inputs are (B, T, X), maps (B, T, P, P), m; `before` (B, 1, X) is x of the step
-    before the first, by default x of the first.
-    """
-    first = inputs[:, :1] if before is None else before
-    parts = [inputs, torch.cat([first, inputs[:, :-1]], 1)]
-    if body.map_size:
-        parts.append(map_features(maps, body.map_size))
-    return torch.cat(parts, -1).double()
-
-
-def kept_columns(inputs: Tensor, body: Body) -> Tensor:
-    """Transitions (B, T, Y), float64: columns keep their values, the pose is 0."""
-    columns = columns_and_actions(inputs, body)[0].double()
-    pose = columns.new_zeros(*columns.shape[:-1], body.pose_size)
-    return torch.cat([pose, columns], -1)
