@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ownrobot.fitting.learning import refuse_method
-from ownrobot.fitting.splits import Split, folds, groups_of
+from ownrobot.fitting.splits import Split, folds, groups_of, share_of
 from sidm.body import Body
 from sidm.config import ConfigError
 from sidm.drives import Drive
@@ -18,17 +18,13 @@ SHARES = (0.25, 0.5, 1.0)  # of the sessions to learn from, for the learning cur
 
 #: Methods that learn nothing.
 TRIVIAL = ("nothing_changes", "mean")
-#: These, and models with a few numbers that describe the robot.
-YARDSTICKS = (
+#: Methods that are compared unless others are named, from the simplest to the most
+#: complex; those that do not fit the robots are left out.
+DEFAULT_METHODS = (
     *TRIVIAL,
     "differential_drive",
     "rotation_centres",
     "ackermann",
-)
-#: Methods that are compared unless others are named, from the simplest to the most
-#: complex; those that do not fit the robots are left out.
-DEFAULT_METHODS = (
-    *YARDSTICKS,
     "least_squares",
     "least_squares_corrected",
     "corrected",
@@ -43,38 +39,22 @@ DEFAULT_METHODS = (
 
 
 class Fit(NamedTuple):
-    """One fit of a comparison.
+    """One fit of a comparison."""
 
-    Attributes:
-        method: a name in `ownrobot.methods.registry.METHODS`
-        repeat: number of the repeat; each divides the sessions anew and has a seed of
-            its own
-        fold: number of the part of the sessions that is held out
-        share: share of the other sessions that is learnt from
-    """
-
-    method: str
-    repeat: int
-    fold: int
-    share: float
+    method: str  # a name in `ownrobot.methods.registry.METHODS`
+    repeat: int  # each divides the sessions anew and has a seed of its own
+    fold: int  # number of the part of the sessions that is held out
+    share: float  # of the other sessions, that is learnt from
 
 
 class Plan(NamedTuple):
-    """Sizes of a comparison.
-
-    Attributes:
-        methods: names of the methods
-        folds: parts of the sessions, each held out once in a repeat
-        repeats: how often the sessions are divided anew
-        shares: shares of the sessions to learn from, rising to 1
-        seed: seed of the first repeat; the next one has the next seed
-    """
+    """Sizes of a comparison."""
 
     methods: tuple[str, ...]
-    folds: int
-    repeats: int
-    shares: tuple[float, ...]
-    seed: int
+    folds: int  # parts of the sessions, each held out once in a repeat
+    repeats: int  # how often the sessions are divided anew
+    shares: tuple[float, ...]  # of the sessions to learn from, rising to 1
+    seed: int  # of the first repeat; the next one has the next seed
 
     def fits(self) -> list[Fit]:
         """All fits; the fits of one repeat and method follow each other."""
@@ -98,9 +78,8 @@ def plan_for(
 ) -> Plan:
     """The plan of a comparison, checked."""
     bodies = novice[0].body, None if expert is None else expert[0].body
-    if methods:
-        for method in methods:
-            refuse_method(method, *bodies)
+    for method in methods:
+        refuse_method(method, *bodies)
     groups = len(np.unique(groups_of(novice)))
     if groups < 2:
         raise ConfigError(
@@ -115,20 +94,14 @@ def plan_for(
     shares = sorted({1.0, *shares})
     if not 0 < shares[0] or shares[-1] > 1:
         raise ConfigError(f"shares are above 0 and at most 1, not {shares}")
-    chosen = tuple(dict.fromkeys(methods)) or default_methods(*bodies)
+    chosen = methods or [m for m in DEFAULT_METHODS if _is_possible(m, *bodies)]
     if fold_count >= groups:  # there is one way to hold out each session
         fold_count, repeats = groups, 1
-    return Plan(chosen, fold_count, repeats, tuple(shares), seed)
-
-
-def default_methods(novice: Body, expert: Body | None) -> tuple[str, ...]:
-    """The default methods that can learn these robots with what is installed."""
-    return tuple(
-        method for method in DEFAULT_METHODS if _is_possible(method, novice, expert)
-    )
+    return Plan(tuple(dict.fromkeys(chosen)), fold_count, repeats, tuple(shares), seed)
 
 
 def _is_possible(method: str, novice: Body, expert: Body | None) -> bool:
+    """Whether a method can learn these robots with what is installed."""
     try:
         refuse_method(method, novice, expert)
     except (ConfigError, ImportError):
@@ -143,10 +116,6 @@ def drives_of(plan: Plan, fit: Fit, novice: Sequence[Drive]) -> Split:
     """
     seed = plan.seed + fit.repeat
     learn, held_out = folds(novice, plan.folds, seed)[fit.fold]
-    if fit.share == 1:
-        return Split(learn, held_out)
-    groups = groups_of(learn)
-    order = np.random.default_rng(seed).permutation(np.unique(groups))
-    count = max(1, round(fit.share * len(order)))
-    chosen = np.isin(groups, order[:count])
-    return Split([d for d, flag in zip(learn, chosen, strict=True) if flag], held_out)
+    if fit.share < 1:
+        learn = share_of(learn, fit.share, seed)
+    return Split(learn, held_out)

@@ -29,16 +29,12 @@ WORST = 10  # drives in the table of the largest losses
 def write_report(comparison: Comparison, path: Path) -> None:
     """Write the report of a comparison, as `Comparison.report` does."""
     method = comparison.verdict.method
-    page = string.Template(
-        resources.files(__package__).joinpath("report.html").read_text("utf-8")
-    ).substitute(
+    seconds = {"seconds of a fit": comparison.table.seconds}
+    template = resources.files(__package__).joinpath("report.html").read_text("utf-8")
+    page = string.Template(template).substitute(
         sentence=html.escape(comparison.verdict.sentence),
         about=html.escape(_about(comparison)),
-        methods=_table(
-            comparison.intervals().assign(
-                **{"seconds of a fit": comparison.table.seconds}
-            )
-        ),
+        methods=_table(comparison.intervals().assign(**seconds)),
         losses=_svg("losses_figure", comparison, "losses and learning curves"),
         components=_components_table(comparison),
         horizons=_horizons(comparison),
@@ -85,16 +81,14 @@ def _horizons(comparison: Comparison) -> str:
 
 def _repeats_table(comparison: Comparison) -> str:
     """Loss of each method in each repeat."""
-    columns: dict[str, list[str | float]] = {"method": list(comparison.methods)}
-    for repeat in range(comparison.plan.repeats):
-        title = f"repeat {repeat + 1}"
-        columns[title] = [
-            float(
-                comparison.losses(m).reshape(comparison.plan.repeats, -1)[repeat].mean()
-            )
-            for m in comparison.methods
-        ]
-    return _table(pd.DataFrame(columns))
+    rows = [
+        comparison.losses(method).reshape(comparison.plan.repeats, -1).mean(1)
+        for method in comparison.methods
+    ]
+    titles = [f"repeat {number + 1}" for number in range(comparison.plan.repeats)]
+    frame = pd.DataFrame(rows, columns=titles)
+    frame.insert(0, "method", comparison.methods)
+    return _table(frame)
 
 
 def _notes(comparison: Comparison) -> str:

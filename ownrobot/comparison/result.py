@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,8 +14,7 @@ import pandas as pd
 
 from ownrobot.comparison.plan import DEFAULT_METHODS, TRIVIAL, Fit, Plan
 from ownrobot.comparison.statistics import Interval, resampled_loss, resampled_ratio
-from ownrobot.fitting.errors import OPEN_LOOP
-from ownrobot.fitting.score import DriveLosses
+from ownrobot.fitting.errors import OPEN_LOOP, DriveLosses
 from ownrobot.fitting.splits import groups_of
 from sidm.drives import Drive
 
@@ -23,61 +23,33 @@ MORE = 1.05  # ratio of the losses with less and with all data that is worth rec
 
 
 class FitResult(NamedTuple):
-    """The evaluation of one fit on the drives held out.
-
-    Attributes:
-        fit: which fit
-        minutes: minutes of motion that it learnt from
-        seconds: what the fit took
-        losses: losses of the drives held out
-        errors: the table of `Model.evaluate` on these drives
-        worst: name of the drive held out with the largest loss
-        path: (K + 1, S), the states that the model predicts from this drive's start
-    """
+    """The evaluation of one fit on the drives held out."""
 
     fit: Fit
-    minutes: float
-    seconds: float
-    losses: DriveLosses
-    errors: pd.DataFrame
-    worst: str
-    path: np.ndarray
-
-    @property
-    def loss(self) -> float:
-        """Mean loss of a step."""
-        return float(np.average(self.losses.losses, weights=self.losses.steps))
+    minutes: float  # of motion that it learnt from
+    seconds: float  # what the fit took
+    losses: DriveLosses  # of the drives held out
+    errors: pd.DataFrame  # the table of `Model.evaluate` on these drives
+    worst: str  # name of the drive held out with the largest loss
+    path: np.ndarray  # (K + 1, S), states predicted from this drive's start
 
 
 class Verdict(NamedTuple):
-    """What a comparison says.
+    """What a comparison says."""
 
-    Attributes:
-        method: the method to take
-        others: methods that are not surely worse than the best
-        sentence: the answer, for people
-    """
-
-    method: str
-    others: tuple[str, ...]
-    sentence: str
+    method: str  # the method to take
+    others: tuple[str, ...]  # methods that are not surely worse than the best
+    sentence: str  # the answer, for people
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """Methods compared on the same drives; `ownrobot.compare` returns it.
+    """Methods compared on the same drives; `ownrobot.compare` returns it."""
 
-    Attributes:
-        plan: what was fitted
-        results: the evaluations of all fits
-        notes: what was noted of the drives, and faults of fits, a line each
-        drives: the robot's drives
-    """
-
-    plan: Plan
-    results: Sequence[FitResult]
-    notes: tuple[str, ...]
-    drives: Sequence[Drive]
+    plan: Plan  # what was fitted
+    results: Sequence[FitResult]  # the evaluations of all fits
+    notes: tuple[str, ...]  # of the drives, and faults of fits, a line each
+    drives: Sequence[Drive]  # of the robot
 
     def __repr__(self) -> str:
         return f"{self.text()}\n{self.verdict.sentence}"
@@ -93,16 +65,11 @@ class Comparison:
 
     def losses(self, method: str, share: float = 1.0) -> np.ndarray:
         """Losses (n,) of the fits of a method, by repeat and fold."""
-        return np.array([result.loss for result in self.of(method, share)])
+        return np.array([result.losses.loss for result in self.of(method, share)])
 
     def is_complete(self, method: str, share: float = 1.0) -> bool:
         """Whether all fits of a method with a share of the data succeeded."""
         return len(self.of(method, share)) == self.plan.folds * self.plan.repeats
-
-    @property
-    def rate(self) -> float:
-        """Steps a second of the drives."""
-        return self.drives[0].body.rate
 
     @cached_property
     def methods(self) -> list[str]:
@@ -127,19 +94,20 @@ class Comparison:
         """
         rows = []
         for method in self.methods:
-            loss = resampled_loss(self.losses(method), self.plan.folds)
+            losses = self.losses(method)
+            loss = resampled_loss(losses, self.plan.folds)
             ratio = self.ratio(method, self.methods[0])
-            by_repeat = self.losses(method).reshape(self.plan.repeats, -1).mean(1)
             row: dict[str, Any] = {"method": method, "loss": loss.value}
             row |= {"low": loss.low, "high": loss.high, "ratio": ratio.value}
             row |= {"ratio_low": ratio.low, "ratio_high": ratio.high}
-            several = len(by_repeat) > 1
-            row["spread"] = by_repeat.std(ddof=1) if several else np.nan
+            by_repeat = losses.reshape(self.plan.repeats, -1).mean(1)
+            row["spread"] = by_repeat.std(ddof=1) if len(by_repeat) > 1 else np.nan
             errors = self.errors(method)
             ahead = errors[errors.prediction == OPEN_LOOP]
             for name in ("position", "heading"):
                 chosen = ahead[ahead.quantity == name]
-                at = chosen[(chosen.horizon - AHEAD).abs() <= 0.5 / self.rate]
+                half_a_step = 0.5 / self.drives[0].body.rate
+                at = chosen[(chosen.horizon - AHEAD).abs() <= half_a_step]
                 if len(at):
                     row[name] = at.rmse.iloc[0]
             row["seconds"] = np.median([result.seconds for result in self.of(method)])
@@ -153,10 +121,8 @@ class Comparison:
         Columns: `method`, `share`, `minutes`, `loss`.
         """
         rows = []
-        for method in self.methods:
-            for share in self.plan.shares:
-                if not self.is_complete(method, share):
-                    continue
+        for method, share in itertools.product(self.methods, self.plan.shares):
+            if self.is_complete(method, share):
                 minutes = np.mean([result.minutes for result in self.of(method, share)])
                 rows.append((method, share, minutes, self.losses(method, share).mean()))
         return pd.DataFrame(rows, columns=["method", "share", "minutes", "loss"])
@@ -187,12 +153,7 @@ class Comparison:
         return means.sort_values("loss", ascending=False, ignore_index=True)
 
     def report(self, path: str | Path) -> None:
-        """Write a report as one HTML page that needs no other file.
-
-        Raises:
-            ImportError: Matplotlib is not installed.
-            OSError: the file cannot be written; the message is one line.
-        """
+        """Write a report as one HTML page that needs no other file."""
         from ownrobot.comparison.report import write_report  # which imports this module
 
         write_report(self, Path(path))
@@ -245,7 +206,8 @@ class Comparison:
         if not sure:
             sentence = f"No method is surely better than '{trivial}'."
             return Verdict(trivial, tuple(near), sentence)
-        method = min(sure, key=_complexity)
+        order = {name: place for place, name in enumerate(DEFAULT_METHODS)}
+        method = min(sure, key=lambda name: order.get(name, len(order)))
         sentence = f"{self._choice(method, near, trivial)}; {self._more_data(method)}."
         return Verdict(method, tuple(near), sentence)
 
@@ -280,9 +242,3 @@ class Comparison:
         if ratio.high < MORE:
             return f"more data would hardly help, since {said}"
         return f"whether more data would help is not sure: {said}"
-
-
-def _complexity(method: str) -> int:
-    """The place of a method in the order from simple to complex; others come last."""
-    order = DEFAULT_METHODS
-    return order.index(method) if method in order else len(order)

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import functools
-import hashlib
-import json
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-import ownrobot
-import sidm
 from ownrobot.comparison.plan import (
     FOLDS,
     REPEATS,
@@ -28,21 +21,19 @@ from ownrobot.comparison.plan import (
     plan_for,
 )
 from ownrobot.comparison.result import Comparison, FitResult
-from ownrobot.comparison.store import read_result, write_result
+from ownrobot.comparison.store import digest_of, file_of, read_outcome, write_outcome
 from ownrobot.fitting.arguments import robots_from
-from ownrobot.fitting.settings import Settings, settings_with, without_effect
-from ownrobot.fitting.single import fit_drives, loss_scale, pretrained
-from ownrobot.fitting.windows import common_length, ground_key
+from ownrobot.fitting.settings import NOTHING, Settings, settings_with, without_effect
+from ownrobot.fitting.single import data_of, fit_drives, pretrained
+from ownrobot.fitting.windows import common_length
 from ownrobot.methods.registry import METHODS
-from sidm.config import ConfigError, Notice, first_line, replace, to_mapping
+from sidm.config import ConfigError, Notice, first_line, replace
 from sidm.drives import Drive, minutes_of
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.stopping import TrainingError
 from sidm.pool import as_completed, local_pool
 from sidm.progress import progress_bar
 from sidm.settings import Network, Training
-from sidm.storage import checksum, write_record
-from sidm.versions import library_versions, source_digest
 
 if TYPE_CHECKING:
     from ownrobot.fitting.arguments import BodyLike, Drives
@@ -50,21 +41,13 @@ if TYPE_CHECKING:
 
 
 class Task(NamedTuple):
-    """All that the fits of a comparison need.
-
-    Attributes:
-        plan: sizes of the comparison
-        novice: drives of the robot
-        expert: drives of the expert, if there are any
-        settings: networks and training
-        folder: where results are kept; None: nowhere
-    """
+    """All that the fits of a comparison need."""
 
     plan: Plan
     novice: list[Drive]
     expert: list[Drive] | None
     settings: Settings
-    folder: Path | None
+    folder: Path | None  # where results are kept; None: nowhere
 
 
 def compare(
@@ -76,7 +59,7 @@ def compare(
     expert_body: BodyLike | None = None,
     network: Network | None = None,
     training: Training | None = None,
-    settings: Mapping[str, Any] = MappingProxyType({}),
+    settings: Mapping[str, Any] = NOTHING,
     folds: int = FOLDS,
     repeats: int = REPEATS,
     shares: Sequence[float] = SHARES,
@@ -120,49 +103,47 @@ def compare(
         >>> bool(comparison.ratio("least_squares", "mean").high < 1)
         True
     """
-    with _noted() as notices:
-        novice_drives, expert_drives = robots_from(
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", Notice)
+        drives, experts = robots_from(
             novice, expert, body, expert_body, topics=topics, skip_bad=skip_bad
         )
+    for one in caught:  # notices are shown, and kept for the report
+        warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+    notices = [str(one.message) for one in caught if issubclass(one.category, Notice)]
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
     methods = [methods] if isinstance(methods, str) else methods
-    sizes = folds, repeats, shares, seed
-    novice_drives = _named(novice_drives)
-    plan = plan_for(novice_drives, expert_drives, methods, *sizes)
+    drives = _named(drives)
+    plan = plan_for(drives, experts, methods, folds, repeats, shares, seed)
+    notes = []
     if plan.repeats < repeats:
         parts = f"{plan.folds} sessions or drives"
-        text = f"{parts} can be held out in one way: 1 repeat, not {repeats}"
-        _notice(text, notices)
-    if expert and not any(METHODS[name].needs_expert for name in plan.methods):
-        _notice("none of the methods learns from the expert's drives", notices)
-    _notice(without_effect(plan.methods, settings, novice_drives[0].body), notices)
+        notes.append(f"{parts} can be held out in one way: 1 repeat, not {repeats}")
+    if experts and not any(METHODS[name].needs_expert for name in plan.methods):
+        notes.append("none of the methods learns from the expert's drives")
+    notes.append(without_effect(plan.methods, settings, drives[0].body))
+    for note in filter(None, notes):
+        warnings.warn(Notice(note), stacklevel=2)
+        notices.append(note)
     chosen = settings_with(network, training, settings)
-    kept = None if folder is None else Path(folder)
-    task = Task(plan, novice_drives, expert_drives, chosen, kept)
-    results, faults = [], []
-    fits = plan.fits()
-    with progress_bar(len(fits), "comparing", "fit", progress) as bar:
-        for outcome in _outcomes(task, fits, workers):
-            if isinstance(outcome, str):
-                faults.append(outcome)
-            else:
-                results.append(outcome)
+    task = Task(plan, drives, experts, chosen, None if folder is None else Path(folder))
+    fits, outcomes = plan.fits(), []
+    with (
+        progress_bar(len(fits), "comparing", "fit", progress) as bar,
+        local_pool(workers) as pool,
+    ):
+        for future in as_completed([pool.submit(outcome_of, task, f) for f in fits]):
+            outcomes.append(future.result())
             bar.update()
-    faults = sorted(set(faults))
+    results = [outcome for outcome in outcomes if isinstance(outcome, FitResult)]
+    faults = sorted({outcome for outcome in outcomes if isinstance(outcome, str)})
     for fault in faults:
         warnings.warn(Notice(fault), stacklevel=2)
-    comparison = Comparison(plan, results, (*notices, *faults), novice_drives)
+    comparison = Comparison(plan, results, (*notices, *faults), drives)
     if not comparison.methods:
         raise ConfigError(faults[0])
     return comparison
-
-
-def _notice(text: str, notices: list[str]) -> None:
-    """Warn of a text that is not empty, and keep it for the report."""
-    if text:
-        warnings.warn(Notice(text), stacklevel=3)
-        notices.append(text)
 
 
 def _named(drives: list[Drive]) -> list[Drive]:
@@ -175,59 +156,25 @@ def _named(drives: list[Drive]) -> list[Drive]:
     ]
 
 
-@contextlib.contextmanager
-def _noted() -> Iterator[list[str]]:
-    """Collect the texts of notices in the block, which are shown all the same."""
-    texts: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", Notice)
-        yield texts
-    for warning in caught:
-        if issubclass(warning.category, Notice):
-            texts.append(str(warning.message))
-        warnings.warn_explicit(
-            warning.message, warning.category, warning.filename, warning.lineno
-        )
-
-
-def _outcomes(
-    task: Task, fits: Sequence[Fit], workers: int
-) -> Iterator[FitResult | str]:
-    """The result of each fit, or the fault that it had, as they come."""
-    with local_pool(workers) as pool:
-        futures = [pool.submit(outcome_of, task, fit) for fit in fits]
-        for future in as_completed(futures):
-            yield future.result()
-
-
 def outcome_of(task: Task, fit: Fit) -> FitResult | str:
     """The result of a fit, or the line of the fault that it had; kept in the folder."""
-    path = None
-    if task.folder is not None:
-        path = task.folder / "fits" / f"{key_of(task, fit)}.json"
-        stored = read_result(path, fit)
-        if isinstance(stored, FitResult):
-            return _renamed(task, stored)
-        if stored is not None:
-            return stored
-    try:
-        result = _fitted(task, fit)
-    except (ConfigError, TrainingError) as error:
-        fault = f"{fit.method} with {fit.share:.0%} of the data: {first_line(error)}"
-        if path:
-            write_record(path, {"fault": fault})
-        return fault
-    if path:
-        write_result(path, result)
-    return result
-
-
-def _renamed(task: Task, result: FitResult) -> FitResult:
-    """A stored result with the drives' names of today: files may have moved."""
-    held_out = drives_of(task.plan, result.fit, task.novice).held_out
-    names = np.array([drive.name for drive in held_out])
-    worst = str(names[result.losses.losses.argmax()])
-    return result._replace(losses=result.losses._replace(drives=names), worst=worst)
+    path = file_of(task, fit)
+    outcome = None if path is None else read_outcome(path, fit)
+    if isinstance(outcome, FitResult):  # files may have moved: drives have new names
+        held_out = drives_of(task.plan, fit, task.novice).held_out
+        names = np.array([drive.name for drive in held_out])
+        worst = str(names[outcome.losses.losses.argmax()])
+        losses = outcome.losses._replace(drives=names)
+        return outcome._replace(losses=losses, worst=worst)
+    if outcome is None:
+        try:
+            outcome = _fitted(task, fit)
+        except (ConfigError, TrainingError) as error:
+            share = f"{fit.share:.0%} of the data"
+            outcome = f"{fit.method} with {share}: {first_line(error)}"
+        if path is not None:
+            write_outcome(path, outcome)
+    return outcome
 
 
 def _fitted(task: Task, fit: Fit) -> FitResult:
@@ -246,7 +193,7 @@ def _fitted(task: Task, fit: Fit) -> FitResult:
     seconds = before + time.perf_counter() - started
     if fit.share < 1 and model.scale is not None:
         whole = drives_of(task.plan, fit._replace(share=1.0), task.novice).learn
-        scale = loss_scale(whole, expert, task.settings, seed)
+        scale = data_of(whole, expert, task.settings, seed).scale
         model = dataclasses.replace(model, scale=scale)
     with one_thread():
         losses, errors = model.losses(held_out), model.evaluate(held_out)
@@ -272,46 +219,12 @@ def _start(
     if not config.pretrained:
         return None, 0.0
     assert task.expert is not None  # the plan has refused the method without one
+    digest = digest_of(tuple(task.novice), tuple(task.expert))
     steps = common_length(learn, task.expert)  # of the expert's windows
-    key = _digest(task), task.settings, config.all_changes, steps, seed
+    key = digest, task.settings, config.all_changes, steps, seed
     if key not in _STARTS:
         _STARTS.clear()  # the fits of one repeat follow each other
         started = time.perf_counter()
-        weights = pretrained(learn, task.expert, method, task.settings, seed)
+        weights = pretrained(data_of(learn, task.expert, task.settings, seed), method)
         _STARTS[key] = weights, time.perf_counter() - started
     return _STARTS[key]
-
-
-def key_of(task: Task, fit: Fit) -> str:
-    """Name of the file of a fit's result: all that the result depends on."""
-    about = {
-        "fit": fit._asdict(),
-        "folds": task.plan.folds,
-        "seed": task.plan.seed,
-        "settings": to_mapping(task.settings),
-        "drives": _digest(task),
-        "source": source_digest(
-            *(Path(str(package.__file__)).parent for package in (sidm, ownrobot))
-        ),
-        "libraries": library_versions(),
-    }
-    text = json.dumps(about, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-def _digest(task: Task) -> str:
-    return _digest_of(tuple(task.novice), tuple(task.expert or ()))
-
-
-@functools.lru_cache(maxsize=4)
-def _digest_of(*robots: tuple[Drive, ...]) -> str:
-    """Digest of all numbers of the drives, their ground, sessions and bodies."""
-    grounds = {id(d.ground): d.ground for drives in robots for d in drives}
-    keys = {number: ground_key(ground) for number, ground in grounds.items()}
-
-    def content(drive: Drive) -> tuple:
-        numbers = checksum(drive.states), checksum(drive.actions)
-        return drive.session, drive.body, keys[id(drive.ground)], *numbers
-
-    text = repr([[content(drive) for drive in drives] for drives in robots])
-    return hashlib.sha256(text.encode()).hexdigest()

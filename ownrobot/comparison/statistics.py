@@ -24,7 +24,6 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        """The estimate with two significant digits."""
         return self.text(2)
 
     def text(self, digits: int) -> str:
@@ -56,10 +55,8 @@ def significant(number: float, digits: int) -> str:
 def mean_interval(values: np.ndarray, shared: float = 0.0) -> Interval:
     """The mean of values (n,) with Student's interval; NaN bounds with one value.
 
-    Args:
-        values: (n,).
-        shared: variance that the data which all values share add to the mean's, in
-            variances of one value; 0 for independent values.
+    `shared` is the variance that the data which all values share add to the mean's, in
+    variances of one value; 0 for independent values.
     """
     from scipy.special import stdtrit  # here, since it takes long to import
 

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -38,30 +38,36 @@ def drives_from(
     one that is given must have the same pose, state, actions and rate. Those of files
     have `default_body` where `body` is None.
     """
-    file_body = body or default_body
-    reading: dict[str, Any] = {"held": allow_constant, "skip_bad": skip_bad}
-    if _is_paths(source):
-        if argument in ("expert", "test") and not has_bags(source):
-            topics = ()  # are of the novice's bags
-        read = read_drives(source, _required(file_body, argument), topics, **reading)
-        return _each_once(read, argument)
-    if isinstance(source, Drive):
-        source = [source]
+
+    def read(paths: Any, topics: Sequence[str]) -> list[Drive]:
+        """The drives of paths, or of a table."""
+        described = body or default_body
+        if described is None:
+            option = "body" if argument != "expert" else "expert_body"
+            raise ConfigError(
+                f"the drives of {argument} have no body: pass {option}='robot.yaml'"
+            )
+        own = as_body(described)
+        return read_drives(paths, own, topics, allow_constant, skip_bad)
+
+    several = isinstance(source, Sequence) and not isinstance(source, str)
+    items: Sequence[Any] = source if several else [source]  # type: ignore[assignment]
     if is_table(source):
-        read = read_drives(source, _required(file_body, argument), **reading)
-        return _each_once(read, argument)
-    if not isinstance(source, Sequence) or not all(
-        isinstance(item, (Drive, str, Path)) for item in source
-    ):
+        return _each_once(read(source, ()), argument)
+    if items and all(isinstance(item, (str, Path)) for item in items):
+        if argument in ("expert", "test") and not has_bags(items):
+            topics = ()  # are of the novice's bags
+        return _each_once(read(source, topics), argument)
+    if not all(isinstance(item, (Drive, str, Path)) for item in items):
         raise TypeError(
             f"{argument} must be drives, as sidm.simulate and ownrobot.read_drives "
             f"return, or paths of drives, not {type(source).__name__}"
         )
-    if not source:
+    if not items:
         raise ConfigError(f"{argument} has no drives")
     expected = None if body is None else as_body(body)
     drives: list[Drive] = []
-    for item in source:
+    for item in items:
         if isinstance(item, Drive):
             _refuse_not_finite(item, argument)
             item = _over_middle(item)
@@ -69,8 +75,7 @@ def drives_from(
                 item if expected is None else _with_body(item, expected, argument)
             )
         else:
-            file_body = _required(expected or default_body, argument)
-            drives += read_drives(item, file_body, topics, **reading)
+            drives += read(item, topics)
     if len({drive.body for drive in drives}) > 1:
         names = ", ".join(sorted({drive.body.name for drive in drives}))
         raise ConfigError(
@@ -107,7 +112,6 @@ def robots_from(
 
 
 def _refuse_not_finite(drive: Drive, argument: str) -> None:
-    """Raise ConfigError for a drive in memory with a number that is not finite."""
     body = drive.body
     for kind, columns in (("states", body.state), ("actions", body.actions)):
         bad = np.argwhere(~np.isfinite(np.asarray(getattr(drive, kind), float)))
@@ -143,31 +147,19 @@ def _each_once(drives: list[Drive], argument: str) -> list[Drive]:
     return list(different.values())
 
 
-def _is_paths(source: Drives) -> TypeGuard[str | Path | Sequence[str | Path]]:
-    """Whether the source is a path or several, which are then read together."""
-    if isinstance(source, (str, Path)):
-        return True
-    if not isinstance(source, Sequence) or not source:
-        return False
-    return all(isinstance(item, (str, Path)) for item in source)
-
-
-def _required(body: BodyLike | None, argument: str) -> Body:
-    if body is None:
-        option = "body" if argument != "expert" else "expert_body"
-        raise ConfigError(
-            f"the drives of {argument} have no body: pass {option}='robot.yaml'"
-        )
-    return as_body(body)
-
-
 def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
     """The drive with `body`, which must describe the same numbers.
 
     The two bodies may differ in other things, such as the weights of the loss.
     """
-    expected = _layout(body)
-    for name, value in _layout(drive.body).items():
+
+    def layout(one: Body) -> dict[str, Any]:
+        columns = {"state": one.state, "actions": one.actions}
+        names = {kind: [name for name, _ in part] for kind, part in columns.items()}
+        return {"pose": one.pose} | names
+
+    expected = layout(body)
+    for name, value in layout(drive.body).items():
         if value != expected[name]:
             raise ConfigError(
                 f"{argument} has drives of body '{drive.body.name}', "
@@ -179,12 +171,3 @@ def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
             f"but body '{body.name}' is at {body.rate:g} Hz"
         )
     return drive if drive.body == body else replace(drive, body=body)
-
-
-def _layout(body: Body) -> dict[str, Any]:
-    """What the numbers of a drive are: pose, and columns of states and actions."""
-    return {
-        "pose": body.pose,
-        "state": [column for column, _ in body.state],
-        "actions": [column for column, _ in body.actions],
-    }

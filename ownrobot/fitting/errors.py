@@ -1,4 +1,4 @@
-"""Errors of predictions as tables, beside two predictions that learn nothing.
+"""Losses and errors of predictions, beside two predictions that learn nothing.
 
 *Nothing changes* predicts that the robot stays where it is and that all other numbers
 keep their values. *The mean* predicts the mean of the evaluated drives: of a component
@@ -7,142 +7,182 @@ of y one step ahead, and of the displacement, the turn and each number at a hori
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 import torch
 from torch import Tensor
 
 from ownrobot.fitting.windows import Steps
 from sidm import rotations
 from sidm.body import SI, Body
+from sidm.config import config, counted
+from sidm.drives import Drive
 from sidm.learning.observation import heading_of, transition
 
-COLUMNS = (
-    "prediction",
-    "quantity",
-    "horizon",
-    "unit",
-    "rmse",
-    "average",
-    "median",
-    "nothing_changes",
-    "mean",
-)
 ONE_STEP, OPEN_LOOP = "one step", "open loop"
 
 
-class Errors(NamedTuple):
-    """Errors of one quantity, (N,) each, of a model and of two trivial predictions."""
+@config
+class Score:
+    """Loss of a model on drives that it has not learnt from."""
 
-    model: Tensor
-    nothing_changes: Tensor
-    mean: Tensor
+    loss: float  # mean loss of a step, equation (1)
+    #: from the spread between sessions, or between drives of a single session; None
+    #: for a single drive
+    standard_error: float | None
+    mean_loss: float | None  # of predicting the mean of the training drives, if known
+    drives: int
+    sessions: int
+    #: number of models, each evaluated on what it did not learn from
+    folds: int = 1
 
-    def row(
-        self, prediction: str, quantity: str, horizon: float, unit: str
-    ) -> tuple[str | float, ...]:
-        """The errors' row, with the entries of COLUMNS."""
-        rmse, nothing, mean = (_rms(errors) for errors in self)
-        sizes = self.model.abs().double()
-        own = rmse, float(sizes.mean()), float(sizes.median())
-        return prediction, quantity, horizon, unit, *own, nothing, mean
+    def __str__(self) -> str:
+        error, mean = self.standard_error, self.mean_loss
+        spread = "" if error is None else f" ± {error:.2g} (standard error)"
+        drives = counted(self.drives, "drive")
+        sessions = counted(self.sessions, "session")
+        folds = f", in {self.folds} folds" if self.folds > 1 else ""
+        trivial = "" if mean is None else f"; predicting the mean: {mean:.3g}"
+        return f"loss {self.loss:.3g}{spread} on {drives} of {sessions}{folds}{trivial}"
 
 
-def _rms(errors: Tensor) -> float:
-    return float(errors.double().square().mean().sqrt())
+class DriveLosses(NamedTuple):
+    """Losses of N drives, an entry for each; a loss is a mean over a drive's steps."""
+
+    components: np.ndarray  # (N, Y), terms of equation (1); their sum is the loss
+    mean_components: np.ndarray | None  # (N, Y), of predicting the mean, if known
+    steps: np.ndarray  # (N,), number of steps
+    drives: np.ndarray  # (N,), names
+    sessions: np.ndarray  # (N,), names of the sessions
+
+    @property
+    def losses(self) -> np.ndarray:
+        """(N,), mean loss of a step of each drive."""
+        return self.components.sum(1)
+
+    @property
+    def loss(self) -> float:
+        """Mean loss of a step."""
+        return float(np.average(self.losses, weights=self.steps))
+
+    @classmethod
+    def joined(cls, parts: Sequence[DriveLosses]) -> DriveLosses:
+        """The drives of several parts."""
+        fields: list[Any] = [
+            None if any(values is None for values in field) else np.concatenate(field)
+            for field in zip(*parts, strict=True)
+        ]
+        return cls(*fields)
+
+    def score(self, folds: int = 1) -> Score:
+        """The mean over all steps."""
+        sessions, numbers = np.unique(self.sessions), np.arange(len(self.steps))
+        groups = self.sessions if len(sessions) > 1 else numbers
+        mean = self.mean_components
+        return Score(
+            loss=self.loss,
+            standard_error=standard_error(self.losses, groups, self.steps),
+            mean_loss=None
+            if mean is None
+            else float(np.average(mean.sum(1), weights=self.steps)),
+            drives=len(numbers),
+            sessions=len(sessions),
+            folds=folds,
+        )
+
+
+def standard_error(
+    values: np.ndarray, groups: np.ndarray, weights: np.ndarray | None = None
+) -> float | None:
+    """Standard error of the weighted mean of values (N,) that are alike within a group.
+
+    It comes from the groups' sums of deviations from the mean, so that groups may have
+    different sizes; None for a single group.
+    """
+    names, number = np.unique(groups, return_inverse=True)
+    count = len(names)
+    if count < 2:
+        return None
+    weights = np.ones(len(values)) if weights is None else weights
+    deviations = weights * (values - np.average(values, weights=weights))
+    sums = np.bincount(number, deviations)
+    variance = np.square(sums).sum() * count / (count - 1)
+    return float(np.sqrt(variance) / weights.sum())
 
 
 def one_step_rows(
-    steps: Sequence[Steps], states: Tensor, body: Body
-) -> list[tuple[str | float, ...]]:
+    steps: Sequence[Steps], drives: Sequence[Drive]
+) -> Iterator[dict[str, Any]]:
     """Rows of the errors of each component of y, one step ahead.
 
-    The steps are predicted and actual transitions (K, Y) of each drive, the states
-    (n, S) those before all n steps.
+    The steps are predicted and actual transitions (K, Y) of each of the drives.
     """
+    body = drives[0].body
     predicted, actual = (torch.cat(parts) for parts in zip(*steps, strict=True))
-    still = transition(states, states, body)
-    mean = actual.double().mean(0)
+    before = np.concatenate([drive.states[:-1] for drive in drives])
+    states = torch.from_numpy(before).double()
+    guesses = predicted, transition(states, states, body), actual.double().mean(0)
     # A pose has the same units as its change, which is what the model predicts.
-    rows = []
     for number, (name, (_, unit)) in enumerate(
         zip(body.targets, body.state, strict=True)
     ):
-        errors = Errors(
-            *(
-                guess[..., number] - actual[:, number]
-                for guess in (predicted, still, mean)
-            )
-        )
-        rows.append(errors.row(ONE_STEP, name, 1 / body.rate, SI.get(unit, unit)))
-    return rows
+        errors = [guess[..., number] - actual[:, number] for guess in guesses]
+        yield _row(ONE_STEP, name, 1 / body.rate, unit, errors)
 
 
 def open_loop_rows(
     path: Tensor, actual: Tensor, body: Body
-) -> list[tuple[str | float, ...]]:
+) -> Iterator[dict[str, Any]]:
     """Rows of the errors of predicted paths (N, K + 1, S), for each step ahead.
 
     The paths begin with the start of the recorded ones.
     """
-    rows = []
     for name, unit, errors in _open_loop_errors(path, actual, body):
         for step in range(path.shape[1] - 1):
-            at_step = Errors(*(values[:, step] for values in errors))
-            rows.append(at_step.row(OPEN_LOOP, name, (step + 1) / body.rate, unit))
-    return rows
+            at_step = [values[:, step] for values in errors]
+            yield _row(OPEN_LOOP, name, (step + 1) / body.rate, unit, at_step)
+
+
+def _row(
+    prediction: str, quantity: str, horizon: float, unit: str, errors: Sequence[Tensor]
+) -> dict[str, Any]:
+    """A row of errors (N,) of a model, of no change and of the mean."""
+    rmse, nothing, mean = (float(e.double().square().mean().sqrt()) for e in errors)
+    sizes = errors[0].abs().double()
+    return {
+        "prediction": prediction,
+        "quantity": quantity,
+        "horizon": horizon,
+        "unit": SI.get(unit, unit),
+        "rmse": rmse,
+        "average": float(sizes.mean()),
+        "median": float(sizes.median()),
+        "nothing_changes": nothing,
+        "mean": mean,
+    }
 
 
 def _open_loop_errors(
     path: Tensor, actual: Tensor, body: Body
-) -> list[tuple[str, str, Errors]]:
-    """Name, unit and errors (N, K) of position, heading and each other number."""
+) -> Iterator[tuple[str, str, tuple[Tensor, ...]]]:
+    """Name, unit and errors, (N, K) each, of position, heading and other numbers."""
     path, actual, start = path[:, 1:], actual[:, 1:], actual[:, :1]
-    result = []
     if body.pose != "none":
         axes = slice(0, 2 if body.pose == "planar" else 3)
-        moved = _in_frame_of(start, actual[..., axes] - start[..., axes], body)
-        position = Errors(
-            (path - actual)[..., axes].norm(dim=-1),
-            moved.norm(dim=-1),
-            (moved - moved.mean(0)).norm(dim=-1),
-        )
         predicted, heading, first = (
             heading_of(states, body) for states in (path, actual, start)
         )
+        moved = actual[..., axes] - start[..., axes]  # is turned into the start's frame
+        moved = torch.cat([rotations.turn(moved[..., :2], -first), moved[..., 2:]], -1)
+        off = (path - actual)[..., axes], moved, moved - moved.mean(0)
+        yield "position", "m", tuple(error.norm(dim=-1) for error in off)
         turn = rotations.wrap(heading - first)
-        mean_turn = torch.atan2(turn.sin().mean(0), turn.cos().mean(0))
-        turned = Errors(
-            rotations.wrap(predicted - heading),
-            turn,
-            rotations.wrap(turn - mean_turn),
-        )
-        result += [("position", "m", position), ("heading", "rad", turned)]
+        mean = torch.atan2(turn.sin().mean(0), turn.cos().mean(0))
+        turned = rotations.wrap(predicted - heading), turn, rotations.wrap(turn - mean)
+        yield "heading", "rad", turned
     for number, (name, unit) in enumerate(body.columns, start=body.pose_size):
         values = actual[..., number]
-        errors = Errors(
-            path[..., number] - values,
-            start[..., number] - values,
-            values.mean(0) - values,
-        )
-        result.append((name, SI.get(unit, unit), errors))
-    return result
-
-
-def _in_frame_of(start: Tensor, displacement: Tensor, body: Body) -> Tensor:
-    """Displacements (N, K, D), m, turned about the vertical into the start's frame."""
-    level = rotations.turn(displacement[..., :2], -heading_of(start, body))
-    return torch.cat([level, displacement[..., 2:]], -1)
-
-
-def error_table(rows: Sequence[tuple[str | float, ...]]) -> pd.DataFrame:
-    """The rows as a table."""
-    return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
-def states_before(drives: Sequence[np.ndarray]) -> Tensor:
-    """The states (n, S) before each step of drives, from states (K + 1, S) of each."""
-    return torch.from_numpy(np.concatenate([states[:-1] for states in drives])).double()
+        guesses = path[..., number], start[..., number], values.mean(0)
+        yield name, unit, tuple(guess - values for guess in guesses)

@@ -15,13 +15,14 @@ import torch
 from torch import Tensor
 
 from ownrobot.body_file import body_from_mapping, body_to_mapping
-from ownrobot.fitting.score import Score
-from ownrobot.methods.gaussian_process import GaussianProcess, Posterior
+from ownrobot.fitting.errors import Score
+from ownrobot.methods.gaussian_process import Posterior
 from ownrobot.methods.kinematics import Kinematics
 from ownrobot.methods.least_squares import LeastSquares
 from ownrobot.methods.pooled import Pooled
 from ownrobot.methods.registry import METHODS
-from ownrobot.methods.trees import Forest, Trees
+from ownrobot.methods.regression import Regression
+from ownrobot.methods.trees import Forest
 from ownrobot.methods.trivial import Trivial
 from sidm import __version__
 from sidm.body import Body
@@ -55,28 +56,20 @@ def refuse_folder(folder: str | Path, body: Body, force: bool = False) -> None:
             break
     if folder.exists() and not os.access(folder, os.W_OK):
         raise ConfigError(f"{folder} cannot be written; name another folder")
-    there = _body_there(folder)
-    if force or there is None or _without_weights(there) == _without_weights(body):
-        return
-    raise ConfigError(
-        f"{folder} has a model of another body, '{there.name}'; name another folder, "
-        "or replace it with force=True (--force)"
-    )
-
-
-def _body_there(folder: Path) -> Body | None:
-    """The body of the model in a folder; None without a model that can be read."""
     try:
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-        return body_from_mapping(about["body"], "")
+        there = body_from_mapping(about["body"], "")
     except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def _without_weights(body: Body) -> dict[str, Any]:
-    """What tells the robots of two bodies apart: all but how their loss is weighed."""
-    loss = ("weights", "resolution")
-    return {name: v for name, v in body_to_mapping(body).items() if name not in loss}
+        return  # there is no model that can be read
+    mappings = [body_to_mapping(one) for one in (there, body)]
+    for mapping in mappings:  # how the loss is weighed does not make another robot
+        mapping.pop("weights", None)
+        mapping.pop("resolution", None)
+    if not force and mappings[0] != mappings[1]:
+        raise ConfigError(
+            f"{folder} has a model of another body, '{there.name}'; name another "
+            "folder, or replace it with force=True (--force)"
+        )
 
 
 def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
@@ -87,7 +80,7 @@ def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     tensors = {
-        name: tensor.contiguous()
+        name: tensor
         for name, tensor in module_tensors(model.predictor).items()
         if ".expert." not in name
     }
@@ -100,7 +93,9 @@ def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
         for name, value in to_mapping(model.network).items()
         if not name.endswith("_body")
     }
-    content = to_bytes({name: tensor.clone() for name, tensor in tensors.items()})
+    content = to_bytes(
+        {n: tensor.contiguous().clone() for n, tensor in tensors.items()}
+    )
     about = {
         "version": __version__,
         "method": model.method,
@@ -179,40 +174,34 @@ def _predictor(
     method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
 ) -> Predictor:
     """The module of a method with the weights of a file."""
-    config = METHODS[method]
+    config, body = METHODS[method], network.body("novice")
     if config.pooled:
         tensors = {name.removeprefix(INNER): t for name, t in tensors.items()}
-    model = _empty(method, network, tensors, scale)
-    tensors = {n: t for n, t in tensors.items() if not n.startswith(UNITS)}
-    model.load_state_dict(tensors)
-    return Pooled(model) if config.pooled else model
+    weights = {n: t for n, t in tensors.items() if not n.startswith(UNITS)}
 
+    def least_squares(base: Predictor | None) -> Predictor:
+        units = (tensors[UNITS + name] for name in Standardisation._fields)
+        return LeastSquares(Standardisation(*units), base, scale)
 
-def _empty(
-    method: str, network: Network, tensors: dict[str, Tensor], scale: Tensor | None
-) -> Predictor:
-    """The module of a method, whose weights are to be loaded."""
-    config, body = METHODS[method], network.body("novice")
     name: Any = method  # the models of these methods have the methods' names
+    model: Predictor
     if config.fit == "kinematics":
-        return Kinematics(name, body, scale)
-    if config.fit == "trivial":
-        return Trivial(name, body, scale)
-    if config.fit == "trees":
-        return Trees(body, Forest(*(tensors[n] for n in Forest._fields)), scale)
-    if config.fit == "gradients":
-        return DynamicsModel(network, roles=["novice"])
-    base: Predictor | None = None
-    if config.pretrained:
-        base = DynamicsModel(network, roles=["novice"])
-    elif config.residual:
-        base = LeastSquares(_units(tensors), None, scale)
-    if config.fit == "gaussian_process":
-        posterior = Posterior(*(tensors[name] for name in Posterior._fields))
-        return GaussianProcess(body, posterior, base, scale)
-    return LeastSquares(_units(tensors), base, scale)
-
-
-def _units(tensors: dict[str, Tensor]) -> Standardisation:
-    """The units of least squares from the tensors of a file."""
-    return Standardisation(*(tensors[UNITS + n] for n in Standardisation._fields))
+        model = Kinematics(name, body, scale)
+    elif config.fit == "trivial":
+        model = Trivial(name, body, scale)
+    elif config.fit == "gradients":
+        model = DynamicsModel(network, roles=["novice"])
+    else:
+        base: Predictor | None = None
+        if config.pretrained:
+            base = DynamicsModel(network, roles=["novice"])
+        elif config.residual and config.fit != "trees":
+            base = least_squares(None)
+        if config.fit == "least_squares":
+            model = least_squares(base)
+        else:
+            kind: Any = Forest if config.fit == "trees" else Posterior
+            regressions = kind(*(tensors[name] for name in kind._fields))
+            model = Regression(body, regressions, base, scale)
+    model.load_state_dict(weights)
+    return Pooled(model) if config.pooled else model

@@ -8,17 +8,16 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import torch
 
 from ownrobot.fitting.arguments import drives_from, robots_from
+from ownrobot.fitting.errors import DriveLosses
 from ownrobot.fitting.files import ABOUT, refuse_folder
 from ownrobot.fitting.learning import refuse_method
 from ownrobot.fitting.model import Model
-from ownrobot.fitting.score import DriveLosses
-from ownrobot.fitting.settings import settings_with, without_effect
+from ownrobot.fitting.settings import NOTHING, settings_with, without_effect
 from ownrobot.fitting.single import fit_drives
 from ownrobot.fitting.splits import Split, evaluation_splits
 from sidm.config import ConfigError, Notice, first_line
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from ownrobot.fitting.arguments import BodyLike, Drives
 
 UNFINISHED = "unfinished"  # subfolder of the model's, for the state of a training
-NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 def fit(
@@ -105,27 +103,29 @@ def fit(
     if seed < 0:
         raise ConfigError(f"seed must be 0 or more, not {seed}")
     reading: dict[str, Any] = {"topics": topics, "skip_bad": skip_bad}
-    novice_drives, expert_drives = robots_from(
-        novice, expert, body, expert_body, **reading
-    )
-    novice_body = novice_drives[0].body
-    refuse_method(method, novice_body, expert_drives[0].body if expert_drives else None)
+    drives, experts = robots_from(novice, expert, body, expert_body, **reading)
+    novice_body = drives[0].body
+    refuse_method(method, novice_body, experts[0].body if experts else None)
     if text := without_effect([method], settings, novice_body, device):
         warnings.warn(Notice(text), stacklevel=2)
     if out is not None:
         refuse_folder(out, novice_body, force)
-    learnt, held_out, folds = _split(novice_drives, test, seed, reading)
+    learnt, held_out, folds = _split(drives, test, seed, reading)
     judging = [*held_out, *(drive for part in folds for drive in part.held_out)]
-    _note_seen(judging, expert_drives)
+    known = {drive.states.tobytes() for drive in experts or ()}
+    if seen := sum(drive.states.tobytes() in known for drive in judging):
+        text = (
+            f"{seen} of {len(judging)} drives held out are among the expert's, too: "
+            "the loss on them looks too small"
+        )
+        warnings.warn(Notice(text), stacklevel=2)
     state = None if out is None else Path(out) / UNFINISHED / method
-    others: dict[str, Any] = {"seed": seed, "progress": progress, "device": device}
-    model = fit_drives(learnt, expert_drives, method, chosen, state=state, **others)
+    how: dict[str, Any] = {"seed": seed, "progress": progress, "device": device}
+    model = fit_drives(learnt, experts, method, chosen, state=state, **how)
     losses = [model.losses(held_out)] if held_out else []
-    for number, (drives, rest) in enumerate(folds):
-        folder = state and state / f"fold{number}"
-        others |= {"state": folder, "notify": False}
-        part = fit_drives(drives, expert_drives, method, chosen, **others)
-        losses.append(part.losses(rest))
+    for number, (part, rest) in enumerate(folds):
+        how |= {"state": state and state / f"fold{number}", "notify": False}
+        losses.append(fit_drives(part, experts, method, chosen, **how).losses(rest))
     if losses:
         model = replace(model, held_out=DriveLosses.joined(losses).score(len(losses)))
     if out is not None:
@@ -138,18 +138,6 @@ def fit(
     return model
 
 
-def _note_seen(held_out: Sequence[Drive], expert: Sequence[Drive] | None) -> None:
-    """Warn where drives that are held out are among the expert's."""
-    learnt = {drive.states.tobytes() for drive in expert or ()}
-    seen = sum(drive.states.tobytes() in learnt for drive in held_out)
-    if seen:
-        text = (
-            f"{seen} of {len(held_out)} drives held out are among the expert's, too: "
-            "the loss on them looks too small"
-        )
-        warnings.warn(Notice(text), stacklevel=3)
-
-
 def _split(
     novice: list[Drive],
     test: Drives | float | None,
@@ -159,34 +147,31 @@ def _split(
     """The drives to learn from, the drives to evaluate on, and splits of folds."""
     if test is None:
         return novice, [], []
-    if not isinstance(test, (int, float)):
-        body = novice[0].body
-        held_out = drives_from(test, body, "test", allow_constant=True, **reading)
-        learnt = {drive.states.tobytes() for drive in novice}
-        for drive in held_out:
-            if drive.states.tobytes() in learnt:
-                raise ConfigError(
-                    f"test has {drive.name}, which the model learns from; "
-                    "pass other drives, or a share"
-                )
-        shared = {drive.session for drive in novice} & {d.session for d in held_out}
-        if names := sorted(shared - {""}):
-            text = (
-                f"test has sessions that the model learns from ({', '.join(names)}); "
-                "if they are the same outings, the loss looks too small"
+    if isinstance(test, (int, float)):
+        if not 0 < test < 1:
+            raise ConfigError(f"test must be drives or a share below 1, not {test}")
+        splits = evaluation_splits(novice, test, seed)
+        return (*splits[0], []) if len(splits) == 1 else (novice, [], splits)
+    body = novice[0].body
+    held_out = drives_from(test, body, "test", allow_constant=True, **reading)
+    learnt = {drive.states.tobytes() for drive in novice}
+    for drive in held_out:
+        if drive.states.tobytes() in learnt:
+            raise ConfigError(
+                f"test has {drive.name}, which the model learns from; "
+                "pass other drives, or a share"
             )
-            warnings.warn(Notice(text), stacklevel=3)
-        return novice, held_out, []
-    if not 0 < test < 1:
-        raise ConfigError(f"test must be drives or a share below 1, not {test}")
-    splits = evaluation_splits(novice, test, seed)
-    if len(splits) == 1:
-        return *splits[0], []
-    return novice, [], splits
+    shared = {drive.session for drive in novice} & {d.session for d in held_out}
+    if names := sorted(shared - {""}):
+        text = (
+            f"test has sessions that the model learns from ({', '.join(names)}); "
+            "if they are the same outings, the loss looks too small"
+        )
+        warnings.warn(Notice(text), stacklevel=3)
+    return novice, held_out, []
 
 
 def _refuse_device(device: str) -> None:
-    """Raise ConfigError for a device that is not there."""
     try:
         torch.zeros(1, device=device)
     except (RuntimeError, AssertionError) as error:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from torch import Tensor
-
 from ownrobot.fitting.settings import SETTINGS, Settings
-from ownrobot.methods import boosting, gaussian_fitting, kinematics, trivial
+from ownrobot.methods import boosting, gaussian_process, kinematics, trivial
+from ownrobot.methods import least_squares as squares
 from ownrobot.methods.drivetrain import drivetrain_of
 from ownrobot.methods.fine_tuning import (
     Pretrained,
@@ -17,14 +16,12 @@ from ownrobot.methods.fine_tuning import (
     pretrained_from,
     pretraining_datasets,
 )
-from ownrobot.methods.least_squares import fit as fit_least_squares
 from ownrobot.methods.pooled import Pooled, pooled_datasets, pooled_units
-from ownrobot.methods.registry import METHODS, Method
+from ownrobot.methods.registry import METHODS
 from sidm.body import Body
 from sidm.config import ConfigError, replace, unknown_name
 from sidm.drives import Drive
 from sidm.learning.dataset import Datasets, windows_of
-from sidm.learning.trainer import Progress
 from sidm.learning.training import Trained, train
 from sidm.learning.units import (
     Standardisation,
@@ -41,8 +38,9 @@ ALONE = {"least_squares": "least_squares", "trees": "trees", "gaussian_process":
 
 def require_packages(method: str) -> None:
     """Raise ConfigError, one line, where a package that a method needs is missing."""
-    if METHODS[method].fit in ("trees", "gaussian_process"):
-        boosting.require_scikit_learn(method)
+    needed = METHODS[method].fit in ("trees", "gaussian_process")
+    if needed and importlib.util.find_spec("sklearn") is None:
+        raise ConfigError(f'{method} needs scikit-learn: pip install "sidm[trees]"')
 
 
 def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
@@ -59,15 +57,14 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
         )
     network = Network(novice_body=novice, expert_body=expert)
     if config.needs_one_body and not network.same_body:
+        others = ALONE.get(config.fit, "")
+        kind = "trees" if config.fit == "trees" else "least squares"
+        needed = f"corrects the expert's {kind}"
         if config.fit == "gradients" or config.pretrained:
             needed = "copies the expert's encoder and decoder"
             others = "sidm or core_finetune"
-        else:
-            others = ALONE[config.fit]
-            kind = "trees" if config.fit == "trees" else "least squares"
-            needed = f"corrects the expert's {kind}"
-            if config.pooled:
-                needed = "learns from the samples of both robots as one"
+        elif config.pooled:
+            needed = "learns from the samples of both robots as one"
         raise ConfigError(
             f"{method} {needed}, which needs robots of one body; take {others}"
         )
@@ -91,11 +88,12 @@ def datasets(
     pixels: int = 0,
 ) -> Datasets:
     """Drives of equal length as tensors."""
-    train_windows, test_windows, validation_windows = (
-        windows_of(drives, pixels) for drives in (train_part, test_part, validation)
+    return Datasets(
+        windows_of(train_part, pixels),
+        windows_of(test_part, pixels),
+        windows_of(validation, pixels),
+        None if expert is None else windows_of(expert, pixels),
     )
-    expert_windows = None if expert is None else windows_of(expert, pixels)
-    return Datasets(train_windows, test_windows, validation_windows, expert_windows)
 
 
 def units_in(sets: Datasets, network: Network) -> Units:
@@ -105,35 +103,20 @@ def units_in(sets: Datasets, network: Network) -> Units:
     return default_units(sets, network)
 
 
-def _refuse_method_of(method: str, sets: Datasets, network: Network) -> None:
-    expert = None if sets.expert is None else network.body("expert")
-    refuse_method(method, network.body("novice"), expert)
-
-
 def pretrain(
     method: str,
     sets: Datasets,
     network: Network,
     seed: int = 0,
     settings: Settings = SETTINGS,
-    folder: Path | None = None,
-    progress: Progress | None = None,
-    device: str = "cpu",
-) -> Pretrained | None:
-    """Weights learnt from the expert alone, or None for a method that has none.
-
-    The arguments are those of `learn`.
-    """
-    _refuse_method_of(method, sets, network)
+    **running: Any,
+) -> Pretrained:
+    """Weights of a pretrained method learnt from the expert alone, as by `learn`."""
     training = METHODS[method].pretraining(settings.training)
-    if training is None:
-        return None
+    assert training is not None
     alone = replace(network, novice_body=network.expert_body)
     expert = pretraining_datasets(sets, seed)
-    running: dict[str, Any] = {"checkpoint": folder, "progress": progress}
-    return pretrained_from(
-        train(expert, alone, training, seed, device=device, **running)
-    )
+    return pretrained_from(train(expert, alone, training, seed, **running))
 
 
 def learn(
@@ -143,16 +126,13 @@ def learn(
     seed: int = 0,
     settings: Settings = SETTINGS,
     start: Pretrained | None = None,
-    folder: Path | None = None,
-    progress: Progress | None = None,
-    device: str = "cpu",
+    **running: Any,
 ) -> Trained:
-    """Train a method of METHODS on recorded robots.
+    """Train a method of METHODS that `refuse_method` lets learn these robots.
 
-    `start` has the weights that `pretrain` returned; an unfinished training in `folder`
-    is resumed.
+    `start` has the weights that `pretrain` returned; `running` is `checkpoint`,
+    `progress` and `device` of `sidm.train`.
     """
-    _refuse_method_of(method, sets, network)
     config, units = METHODS[method], units_in(sets, network)
     if start is not None and config.carried == "sidm":
         start = start.core()
@@ -164,10 +144,8 @@ def learn(
         settings.training_of(config),
         seed,
         standardisation=units,
-        checkpoint=folder,
-        progress=progress,
-        device=device,
         start=None if start is None else start.weights,
+        **running,
     )
 
 
@@ -181,42 +159,29 @@ def _learn_without_loop(
 ) -> Trained:
     """The model of a method that does not use the training loop."""
     config, body = METHODS[method], network.body("novice")
-    novice_units = role_units(units, "novice")
-    scale = loss_weights(body, novice_units)
-    if config.fit in ALONE and not config.pretrained:
-        return _learn_regression(config, sets, body, novice_units, scale, seed)
-    model: Any = method  # the models of these methods have the methods' names
+    own = role_units(units, "novice")
+    scale, pooled = loss_weights(body, own), config.pooled
+    name: Any = method  # the models of these methods have the methods' names
     if config.fit == "trivial":
-        return trivial.learn(sets, body, model, scale)
+        return trivial.learn(sets, body, name, scale)
     if config.fit == "kinematics":
-        return kinematics.identify(sets, body, model, scale)
-    base = None if start is None else frozen_model(network, start, novice_units)
-    return fit_least_squares(sets, novice_units, base, scale=scale)
-
-
-def _learn_regression(
-    config: Method,
-    sets: Datasets,
-    body: Body,
-    units: Standardisation,
-    scale: Tensor | None,
-    seed: int,
-) -> Trained:
-    """A regression of the novice, on the expert's, or of both robots' samples."""
-    if config.pooled:
-        sets, units = pooled_datasets(sets, seed), pooled_units(units)
-    base = None
-    if config.residual and config.fit != "trees":
-        expert = pretraining_datasets(sets, seed)
-        base = fit_least_squares(expert, units, scale=scale).model.requires_grad_(False)
-    pooled = config.pooled
+        return kinematics.identify(sets, body, name, scale)
+    if pooled:
+        sets, own = pooled_datasets(sets, seed), pooled_units(own)
     if config.fit == "trees":
         trained = boosting.learn(sets, body, scale, config.residual, pooled, seed)
-    elif config.fit == "gaussian_process":
-        trained = gaussian_fitting.learn(sets, body, scale, base, pooled, seed)
     else:
-        further = sets.expert if pooled else None
-        trained = fit_least_squares(sets, units, base, scale=scale, further=further)
+        base: Any = None
+        if start is not None:
+            base = frozen_model(network, start, own)
+        elif config.residual:
+            alone = pretraining_datasets(sets, seed)
+            base = squares.fit(alone, own, scale=scale).model.requires_grad_(False)
+        if config.fit == "gaussian_process":
+            trained = gaussian_process.learn(sets, body, scale, base, pooled, seed)
+        else:
+            further = sets.expert if pooled else None
+            trained = squares.fit(sets, own, base, scale=scale, further=further)
     if pooled:
         return trained._replace(model=Pooled(trained.model).eval())
     return trained

@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 
 from ownrobot.fitting.arguments import drives_from
+from ownrobot.fitting.errors import DriveLosses, Score, one_step_rows, open_loop_rows
 from ownrobot.fitting.files import read_model, write_model
-from ownrobot.fitting.score import DriveLosses, Score
 from ownrobot.fitting.windows import Steps, common_length, cut, predict_steps, rollouts
 from sidm.body import Body
 from sidm.config import ConfigError
@@ -81,12 +81,10 @@ class Model:
         """Losses of drives that have the model's body."""
         terms, mean_terms = [], []
         for predicted, actual in self._one_step(drives):
-            losses = component_losses(predicted, actual, self.scale)
-            terms.append(losses.double().mean(0).numpy())
+            terms.append(self._terms(predicted, actual))
             if self.target_mean is not None:
                 mean = self.target_mean.expand_as(actual)
-                losses = component_losses(mean, actual, self.scale)
-                mean_terms.append(losses.double().mean(0).numpy())
+                mean_terms.append(self._terms(mean, actual))
         return DriveLosses(
             np.stack(terms),
             np.stack(mean_terms) if mean_terms else None,
@@ -95,12 +93,18 @@ class Model:
             np.array([drive.session for drive in drives]),
         )
 
+    def _terms(self, predicted: Tensor, actual: Tensor) -> np.ndarray:
+        """Terms (Y,) of equation (1), means over the steps."""
+        losses = component_losses(predicted, actual, self.scale)
+        return losses.double().mean(0).numpy()
+
     def evaluate(self, drives: Drives, topics: Sequence[str] = ()) -> pd.DataFrame:
         """Errors of the model's predictions on drives that it has not seen.
 
         Args:
             drives: drives of the model's robot; or a file, a ROS bag or a folder of
-                drives, or several; or a pandas table.
+                drives, or several; or a pandas table. The first fault of a file is a
+                RecordingError.
             topics: topics of ROS bags, needed if a bag has several matching topics.
 
         Returns:
@@ -112,34 +116,24 @@ class Model:
             the root mean square errors of two predictions that learn nothing
             (`fitting.errors`).
 
-        Raises:
-            RecordingError: the first fault of a file.
-            ConfigError: the drives are too short.
-
         Examples:
             >>> model = ownrobot.load("recordings/models/warthog")
             >>> table = model.evaluate("recordings/warthog.csv.gz")
             >>> table.quantity[:3].tolist()
             ['forward', 'left', 'turn']
         """
-        from ownrobot.fitting.errors import (  # which imports pandas
-            error_table,
-            one_step_rows,
-            open_loop_rows,
-            states_before,
-        )
+        import pandas as pd
 
-        checked, body = self._drives(drives, topics), self.body
-        states = states_before([drive.states for drive in checked])
-        rows = one_step_rows(self._one_step(checked), states, body)
+        checked = self._drives(drives, topics)
+        rows = list(one_step_rows(self._one_step(checked), checked))
         windows = cut(checked, common_length(checked), overlap=True)
         ahead = len(windows[0]) - WARM_UP
         if ahead > 0:
             pixels = self.network.pixels
             path = rollouts(self.predictor, windows, WARM_UP, ahead, pixels)
             actual = states_and_actions(windows)[0][:, WARM_UP:]
-            rows += open_loop_rows(path, actual, body)
-        return error_table(rows)
+            rows += open_loop_rows(path, actual, self.body)
+        return pd.DataFrame(rows)
 
     def evaluate_drives(
         self, drives: Drives, topics: Sequence[str] = ()
@@ -200,10 +194,6 @@ class Model:
             component of y, or with a horizon each number of the state, with its SI unit
             in brackets.
 
-        Raises:
-            RecordingError: the first fault of a file.
-            ConfigError: a horizon below one step, or `every` below 1.
-
         Examples:
             >>> model = ownrobot.load("recordings/models/warthog")
             >>> model.predict("recordings/warthog.csv.gz", horizon=1.0).columns[2:4]
@@ -232,38 +222,26 @@ class Model:
     ) -> np.ndarray:
         """Predict many steps ahead, each from the prediction before it (Figure 4).
 
-        A network begins without memory here; `predict` lets it see the steps before.
-
-        Args:
-            state: (S,), state of the robot at the start.
-            actions: (K, A), the robot's actions.
-            ground: ground under the robot, for a body with a height map.
-
-        Returns:
-            States (K + 1, S); the first is `state`.
-
-        Raises:
-            ConfigError: the body sees a height map, and no ground is given.
-            ValueError: `state` or `actions` has another shape than the body asks for.
+        States (K + 1, S) from the `state` (S,) at the start, which is the first, and
+        the robot's `actions` (K, A). A body with a height map needs the `ground` under
+        the robot. A network begins without memory here; `predict` lets it see the steps
+        before.
         """
         if self.body.map_size and ground is None:
             raise ConfigError(
                 f"body '{self.body.name}' sees a height map: pass the ground under it"
             )
-        heights, spacing = None, 0.0
-        if ground is not None:
-            heights, spacing = ground.heights, ground.spacing
         state, origin = np.array(state, float), np.zeros(2)
         if isinstance(ground, Ground) and self.body.pose_size:
             origin = np.array(ground.centre)
             state[:2] -= origin  # maps are cut around the middle of the ground
         path = rollout(
             self.predictor,
-            heights,
+            None if ground is None else ground.heights,
             torch.as_tensor(state),
             torch.as_tensor(np.asarray(actions, float)),
             self.network.pixels,
-            spacing=spacing,
+            spacing=0.0 if ground is None else ground.spacing,
             body=self.body,
         ).numpy()
         if self.body.pose_size:
@@ -273,17 +251,10 @@ class Model:
         return path
 
     def save(self, folder: str | Path, force: bool = False) -> None:
-        """Write the model's files into a folder, which is created where it is missing.
+        """Write the model's files, each whole or not at all, into a folder.
 
-        Each file is written completely or not at all.
-
-        Args:
-            folder: where to write; a model of the same body is replaced.
-            force: whether a model of another body may be replaced too.
-
-        Raises:
-            ConfigError: `folder` is empty, a file, or has a model of another body.
-            OSError: a file cannot be written; the message is one line.
+        A model of the same body in the folder is replaced, with `force` that of another
+        body, too; otherwise that is a ConfigError.
         """
         write_model(self, folder, force)
 
@@ -291,9 +262,7 @@ class Model:
 def load(folder: str | Path) -> Model:
     """Read a model that `Model.save`, `ownrobot.fit(out=...)` or `ownrobot fit` wrote.
 
-    Raises:
-        ConfigError: the folder has no model, or the model is damaged; the message is
-            one line.
+    A folder without a model and a damaged model are a ConfigError of one line.
 
     Examples:
         >>> ownrobot.load("recordings/models/warthog")

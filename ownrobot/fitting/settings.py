@@ -12,6 +12,10 @@ from sidm.body import Body
 from sidm.config import config, replace, unknown_name
 from sidm.settings import Network, Training
 
+#: Settings of what encodes a height map.
+MAPS = {"pixels", "channels", "kernel"}
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
 
 @config
 class Settings:
@@ -22,13 +26,10 @@ class Settings:
     #: (method, name of a training setting, value that replaces `training`'s)
     tuned: tuple[tuple[str, str, Any], ...] = ()
 
-    def tuned_values(self, method: str) -> dict[str, Any]:
-        """Settings that a method was tuned to, name -> value."""
-        return {setting: value for name, setting, value in self.tuned if name == method}
-
     def training_of(self, method: Method) -> Training:
         """A method's training on the novice, with the method's tuned values."""
-        return method.training(self.training, self.tuned_values(method.tuned_as))
+        tuned = {name: v for owner, name, v in self.tuned if owner == method.tuned_as}
+        return method.training(self.training, tuned)
 
     def with_values(self, values: Mapping[str, Any]) -> Settings:
         """The settings with new values of some fields of network or training, by name.
@@ -37,29 +38,22 @@ class Settings:
         sets `regularise` and the robots' drives set the bodies, so neither can be
         given.
         """
-        network = {name for name in _names(Network) if not name.endswith("_body")}
-        training = _names(Training) - {"regularise"}
-        known = network | training
+        network, training = (
+            {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+            for kind in (Network, Training)
+        )
+        network = {name for name in network if not name.endswith("_body")}
+        known = network | training - {"regularise"}
         for name in values:
             if name not in known:
                 raise unknown_name(name, sorted(known), kind="setting")
-        sizes, choices = (
-            {name: value for name, value in values.items() if name in names}
-            for names in (network, training)
-        )
+        sizes = {name: value for name, value in values.items() if name in network}
+        others = {name: value for name, value in values.items() if name in training}
         return Settings(
             network=replace(self.network, **sizes),
-            training=replace(self.training, **choices),
+            training=replace(self.training, **others),
             tuned=tuple(entry for entry in self.tuned if entry[1] not in values),
         )
-
-
-#: Settings of what encodes a height map.
-MAPS = {"pixels", "channels", "kernel"}
-
-
-def _names(kind: Any) -> set[str]:
-    return {field.name for field in dataclasses.fields(kind)}
 
 
 #: For minutes of motion of robots that see no ground; the same networks and patience
@@ -85,7 +79,7 @@ SETTINGS = Settings(
 def settings_with(
     network: Network | None = None,
     training: Training | None = None,
-    values: Mapping[str, Any] = MappingProxyType({}),
+    values: Mapping[str, Any] = NOTHING,
 ) -> Settings:
     """SETTINGS with other networks, another training or single other values by name.
 

@@ -7,16 +7,11 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from torch import Tensor
 
-from ownrobot.fitting.learning import (
-    datasets,
-    learn,
-    network_for,
-    pretrain,
-    units_in,
-)
+from ownrobot.fitting import learning
 from ownrobot.fitting.model import Model
 from ownrobot.fitting.settings import Settings
 from ownrobot.fitting.splits import divided, session_order, train_test_split
@@ -32,6 +27,45 @@ from sidm.learning.training import Trained
 from sidm.learning.units import loss_weights, role_units
 from sidm.progress import progress_bar
 from sidm.settings import Network
+
+
+class Data(NamedTuple):
+    """What a method learns from: windows of both robots, of `steps` steps."""
+
+    sets: Datasets
+    network: Network
+    steps: int
+    settings: Settings
+    seed: int
+
+    @property
+    def scale(self) -> Tensor | None:
+        """Weights (Y,) of the loss's components; None: all 1."""
+        units = role_units(learning.units_in(self.sets, self.network), "novice")
+        return loss_weights(self.network.body("novice"), units)
+
+
+def data_of(
+    novice: Sequence[Drive],
+    expert: Sequence[Drive] | None,
+    settings: Settings,
+    seed: int,
+) -> Data:
+    """Windows of drives, those of the novice split to learn from and to stop by."""
+    steps = common_length(novice, *([expert] if expert else []))
+    drives = divided(novice, steps)
+    parts = train_test_split(drives, session_order(drives, seed))
+    if not all(any(len(drive) >= steps for drive in part) for part in parts):
+        long = [drive for drive in drives if len(drive) >= steps]
+        parts = train_test_split(long, session_order(long, seed))
+    train, test = (cut(part, steps, overlap=True) for part in parts)
+    body = novice[0].body
+    network = learning.network_for(settings, body, expert[0].body if expert else None)
+    expert_windows = cut(expert, steps, overlap=True) if expert else None
+    sets = learning.datasets(train, test, test, expert_windows, network.pixels)
+    # `Model.evaluate` takes drives of its own: nothing is validated while training
+    sets = sets._replace(validation=sets.test.first(0))
+    return Data(sets, network, steps, settings, seed)
 
 
 def fit_drives(
@@ -52,28 +86,21 @@ def fit_drives(
     are otherwise trained where the method needs them; `notify` says whether to warn of
     drives that are not learnt from.
     """
-    sets, network, steps = _datasets(novice, expert, settings, seed)
+    data = data_of(novice, expert, settings, seed)
     if start is None:
-        how = seed, state, progress, device
-        start = pretrained(novice, expert, method, settings, *how)
+        start = pretrained(data, method, state, progress, device)
     title = f"fitting {method}, at most"
     shown = progress and METHODS[method].fit == "gradients"
-    samples = settings.training.max_samples
-    with one_thread(), _progress(title, samples, shown) as update:
-        trained = learn(
+    with one_thread(), _progress(title, settings.training.max_samples, shown) as update:
+        trained = learning.learn(
             method,
-            sets,
-            network,
-            seed,
-            settings,
-            start=start,
-            folder=state and state / "training",
+            *(data.sets, data.network, seed, settings, start),
+            checkpoint=state and state / "training",
             progress=update,
             device=device,
         )
     _refuse_not_finite(method, trained)
-    body = novice[0].body
-    scale = _scale(sets, network)
+    body, scale = novice[0].body, data.scale
     if scale is not None and not scale.any():
         raise ConfigError(
             f"nothing of body '{body.name}' varies by more than its sensors resolve; "
@@ -83,72 +110,41 @@ def fit_drives(
         predictor=trained.model.cpu().eval(),
         body=body,
         method=method,
-        steps=steps,
-        minutes=minutes_of([drive for drive in novice if len(drive) >= steps]),
+        steps=data.steps,
+        minutes=minutes_of([drive for drive in novice if len(drive) >= data.steps]),
         test_loss=float(trained.best_test_loss),
-        network=network,
+        network=data.network,
         scale=scale,
-        target_mean=sets.train.targets.mean((0, 1)),
+        target_mean=data.sets.train.targets.mean((0, 1)),
     )
     if notify:
-        _notify(model, novice, expert)
+        for text in _notes(model, novice, expert):
+            warnings.warn(Notice(text), stacklevel=3)
     return model
 
 
 def pretrained(
-    novice: Sequence[Drive],
-    expert: Sequence[Drive] | None,
+    data: Data,
     method: str,
-    settings: Settings,
-    seed: int = 0,
     state: Path | None = None,
     progress: bool = False,
     device: str = "cpu",
 ) -> Pretrained | None:
-    """Weights learnt from the expert that a method starts from; None if it has none.
-
-    The arguments are those of `fit_drives`. Of the novice, the length of windows and
-    the body count.
-    """
-    config = METHODS[method]
-    if not config.pretrained:
+    """Weights learnt from the expert that a method starts from; None if it has none."""
+    if not METHODS[method].pretrained:
         return None
-    sets, network, _ = _datasets(novice, expert, settings, seed)
-    title, samples = "pretraining, at most", settings.training.max_samples
+    title, samples = "pretraining, at most", data.settings.training.max_samples
     with one_thread(), _progress(title, samples, progress) as update:
-        return pretrain(
+        return learning.pretrain(
             method,
-            sets,
-            network,
-            seed,
-            settings,
-            folder=state and state / "pretraining",
+            *(data.sets, data.network, data.seed, data.settings),
+            checkpoint=state and state / "pretraining",
             progress=update,
             device=device,
         )
 
 
-def loss_scale(
-    novice: Sequence[Drive],
-    expert: Sequence[Drive] | None,
-    settings: Settings,
-    seed: int = 0,
-) -> Tensor | None:
-    """Weights (Y,) of the loss's components for a model of these drives; None: all 1.
-
-    The arguments are those of `fit_drives`.
-    """
-    sets, network, _ = _datasets(novice, expert, settings, seed)
-    return _scale(sets, network)
-
-
-def _scale(sets: Datasets, network: Network) -> Tensor | None:
-    units = role_units(units_in(sets, network), "novice")
-    return loss_weights(network.body("novice"), units)
-
-
 def _refuse_not_finite(method: str, trained: Trained) -> None:
-    """Raise ConfigError for a model with a weight or a loss that is not finite."""
     tensors = trained.model.state_dict().values()
     broken = any(bool(tensor.isnan().any()) for tensor in tensors)
     if broken or not math.isfinite(trained.best_test_loss):
@@ -156,37 +152,6 @@ def _refuse_not_finite(method: str, trained: Trained) -> None:
             f"{method} has numbers that are not finite: look at the drives for values "
             "that are far too large"
         )
-
-
-def _datasets(
-    novice: Sequence[Drive],
-    expert: Sequence[Drive] | None,
-    settings: Settings,
-    seed: int,
-) -> tuple[Datasets, Network, int]:
-    """Windows of both robots, the networks for them, and the windows' length."""
-    steps = common_length(novice, *([expert] if expert else []))
-    train, test = (
-        cut(part, steps, overlap=True)
-        for part in _learnt_and_test(divided(novice, steps), steps, seed)
-    )
-    body = novice[0].body
-    network = network_for(settings, body, expert[0].body if expert else None)
-    expert_windows = cut(expert, steps, overlap=True) if expert else None
-    sets = datasets(train, test, test, expert_windows, network.pixels)
-    # `Model.evaluate` takes drives of its own: nothing is validated while training
-    return sets._replace(validation=sets.test.first(0)), network, steps
-
-
-def _learnt_and_test(
-    drives: Sequence[Drive], steps: int, seed: int
-) -> tuple[list[Drive], list[Drive]]:
-    """Drives to learn from and drives to stop by; each part has a window."""
-    parts = train_test_split(drives, session_order(drives, seed))
-    if all(any(len(drive) >= steps for drive in part) for part in parts):
-        return parts
-    long = [drive for drive in drives if len(drive) >= steps]
-    return train_test_split(long, session_order(long, seed))
 
 
 @contextlib.contextmanager
@@ -198,32 +163,25 @@ def _progress(
         yield lambda tested: bar.update(max(0, tested.samples - bar.n))
 
 
-def _notify(
+def _notes(
     model: Model, novice: Sequence[Drive], expert: Sequence[Drive] | None
-) -> None:
-    """Warn of what the model does not learn from, with a `Notice` each."""
-    method = METHODS[model.method]
-    if expert is not None and not method.needs_expert:
-        warnings.warn(
-            Notice(f"{model.method} does not learn from the expert's drives"),
-            stacklevel=4,
-        )
+) -> Iterator[str]:
+    """What the model does not learn from, a line each."""
+    if expert is not None and not METHODS[model.method].needs_expert:
+        yield f"{model.method} does not learn from the expert's drives"
     short = [drive for drive in novice if len(drive) < model.steps]
     if short:
         share = minutes_of(short) / minutes_of(novice)
-        text = (
+        yield (
             f"{len(short)} of {len(novice)} drives, {share:.1%} of the motion, are "
             f"shorter than a window of {model.steps} steps: the model does not learn "
             "from them"
         )
-        warnings.warn(Notice(text), stacklevel=4)
-    if model.scale is None:
-        return
-    names = [n for n, w in zip(model.body.targets, model.scale, strict=True) if not w]
+    weights = [] if model.scale is None else model.scale.tolist()
+    names = [n for n, w in zip(model.body.targets, weights, strict=False) if not w]
     if names:
-        text = (
+        yield (
             f"of body '{model.body.name}', {', '.join(names)}: varies by less than the "
             "sensor resolves, and so has no weight in the loss; 'resolution' in the "
             "body says what a sensor resolves"
         )
-        warnings.warn(Notice(text), stacklevel=4)

@@ -52,7 +52,7 @@ def drives_of_sessions(
 
 def session_order(drives: Sequence[Drive], seed: int) -> np.ndarray:
     """The names of all sessions in a random order."""
-    return np.random.default_rng(seed).permutation(np.unique(sessions_of(drives)))
+    return _shuffled(sessions_of(drives), seed)
 
 
 def train_test_split(
@@ -89,10 +89,8 @@ def divided(drives: Sequence[Drive], steps: int) -> list[Drive]:
     for drive in drives:
         count = max(1, len(drive) // steps)
         ends = np.linspace(0, len(drive), count + 1).astype(int)
-        parts += [
-            part_of(drive, first, last)
-            for first, last in zip(ends[:-1], ends[1:], strict=True)
-        ]
+        pairs = zip(ends[:-1], ends[1:], strict=True)
+        parts += [part_of(drive, first, last) for first, last in pairs]
     return parts
 
 
@@ -116,6 +114,14 @@ def folds(drives: Sequence[Drive], count: int, seed: int) -> list[Split]:
     return [
         _parted(drives, np.isin(groups, order[fold::count])) for fold in range(count)
     ]
+
+
+def share_of(drives: Sequence[Drive], share: float, seed: int) -> list[Drive]:
+    """Drives of a share of the sessions; a larger share has those of a smaller one."""
+    groups = groups_of(drives)
+    order = _shuffled(groups, seed)
+    chosen = order[: max(1, round(share * len(order)))]
+    return _parted(drives, np.isin(groups, chosen)).held_out
 
 
 def evaluation_splits(drives: Sequence[Drive], share: float, seed: int) -> list[Split]:
@@ -143,8 +149,5 @@ def _shuffled(groups: np.ndarray, seed: int) -> np.ndarray:
 
 def _parted(drives: Sequence[Drive], flags: np.ndarray) -> Split:
     """The drives without a flag, and those with one."""
-    parts = (
-        [drive for drive, flag in zip(drives, flags, strict=True) if flag == wanted]
-        for wanted in (False, True)
-    )
-    return Split(*parts)
+    pairs = list(zip(drives, flags, strict=True))
+    return Split([d for d, flag in pairs if not flag], [d for d, flag in pairs if flag])

@@ -19,14 +19,12 @@ def one_step_table(drives: Sequence[Drive], steps: Sequence[Steps]) -> pd.DataFr
     """A row for each step of the drives, of transitions (K, Y) of each drive."""
     body = drives[0].body
     # A pose has the same units as its change, which is what the model predicts.
-    units = [unit for _, unit in body.state]
+    units = (unit for _, unit in body.state)
     columns = tuple(zip(body.targets, units, strict=True))
     tables = []
     for drive, (predicted, actual) in zip(drives, steps, strict=True):
-        time = np.arange(1, len(drive) + 1) / body.rate
-        table = pd.DataFrame({"drive": drive.name, "time [s]": time})
-        values = (predicted.numpy(), actual.numpy())
-        tables.append(pd.concat([table, _side_by_side(columns, *values)], axis=1))
+        about = {"drive": drive.name, "time [s]": _times(0, len(drive), body)}
+        tables.append(_table(about, columns, predicted.numpy(), actual.numpy()))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -43,33 +41,23 @@ def open_loop_table(
     Starts are `every` so many steps, or the drives' starts alone; a model first sees at
     most `seen` steps before a start.
     """
-    starts = [
-        (number, start)
-        for number, drive in enumerate(drives)
-        for start in range(0, len(drive), every or len(drive))
-    ]
+    body = drives[0].body
     groups = defaultdict(list)  # starts of equal windows make a batch
-    for number, start in starts:
-        ahead = min(steps, len(drives[number]) - start)
-        groups[min(start, seen), ahead].append((number, start))
+    for number, drive in enumerate(drives):
+        for start in range(0, len(drive), every or len(drive)):
+            ahead = min(steps, len(drive) - start)
+            groups[min(start, seen), ahead].append((number, start))
     tables = {}
     for (before, ahead), members in groups.items():
         parts = [part_of(drives[n], s - before, s + ahead) for n, s in members]
         paths = rollouts(predictor, parts, before, ahead, pixels)
         for (number, start), part, path in zip(members, parts, paths, strict=True):
-            body, actual = part.body, part.states[before + 1 :]
-            time = (start + np.arange(1, ahead + 1)) / body.rate
-            table = pd.DataFrame(
-                {
-                    "drive": part.name,
-                    "start [s]": start / body.rate,
-                    "time [s]": time,
-                }
-            )
+            about = {"drive": part.name, "start [s]": start / body.rate}
+            about["time [s]"] = _times(start, ahead, body)
+            actual = part.states[before + 1 :]
             predicted = _nearest_turn(path[1:].numpy(), actual, body)
-            values = _side_by_side(body.state, predicted, actual)
-            tables[number, start] = pd.concat([table, values], axis=1)
-    return pd.concat([tables[key] for key in starts], ignore_index=True)
+            tables[number, start] = _table(about, body.state, predicted, actual)
+    return pd.concat([tables[key] for key in sorted(tables)], ignore_index=True)
 
 
 def _nearest_turn(states: np.ndarray, actual: np.ndarray, body: Body) -> np.ndarray:
@@ -84,15 +72,18 @@ def _nearest_turn(states: np.ndarray, actual: np.ndarray, body: Body) -> np.ndar
     return states
 
 
-def _side_by_side(
-    columns: Columns, predicted: np.ndarray, actual: np.ndarray
+def _times(start: int, count: int, body: Body) -> np.ndarray:
+    """Times (K,), s, of the ends of `count` steps from step `start`."""
+    return (start + np.arange(1, count + 1)) / body.rate
+
+
+def _table(
+    about: dict, columns: Columns, predicted: np.ndarray, actual: np.ndarray
 ) -> pd.DataFrame:
     """Predicted and actual values (K, C) of columns, with names and units."""
-    titles = [f"{name} [{SI.get(unit, unit)}]" for name, unit in columns]
-    return pd.DataFrame(
-        {
-            f"{kind} {title}": values[:, number]
-            for kind, values in (("predicted", predicted), ("actual", actual))
-            for number, title in enumerate(titles)
-        }
-    )
+    values = {
+        f"{kind} {name} [{SI.get(unit, unit)}]": numbers[:, column]
+        for kind, numbers in (("predicted", predicted), ("actual", actual))
+        for column, (name, unit) in enumerate(columns)
+    }
+    return pd.DataFrame(about | values)

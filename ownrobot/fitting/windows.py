@@ -30,13 +30,13 @@ def common_length(*robots: Sequence[Drive]) -> int:
     T is the largest number for which, of each robot, the drives with fewer than T steps
     have at most SHORT_SHARE of all steps.
     """
-    return min(STEPS, *map(_longest_window, robots))
-
-
-def _longest_window(drives: Sequence[Drive]) -> int:
-    lengths = np.sort([len(drive) for drive in drives])
-    shorter = np.cumsum(lengths) - lengths  # steps of the drives before
-    return int(lengths[shorter <= SHORT_SHARE * lengths.sum()][-1])
+    longest = STEPS
+    for drives in robots:
+        lengths = np.sort([len(drive) for drive in drives])
+        shorter = np.cumsum(lengths) - lengths  # steps of the drives before
+        fits = lengths[shorter <= SHORT_SHARE * lengths.sum()]
+        longest = min(longest, int(fits[-1]))
+    return longest
 
 
 def cut(
@@ -70,26 +70,17 @@ def part_of(drive: Drive, first: int, last: int) -> Drive:
     )
 
 
-def first_steps(drives: Sequence[Drive], steps: int) -> list[Drive]:
-    """The drives, shortened to their first `steps` steps."""
-    return [part_of(drive, 0, steps) for drive in drives]
-
-
 def grounds_of(drives: Sequence[Drive]) -> np.ndarray:
     """(N,) int, the number of each drive's ground.
 
     Grounds are numbered from 0 in the order in which they first occur. Drives without a
     ground share one number.
     """
-    keys: dict[int, str] = {}
+    grounds = {id(drive.ground): drive.ground for drive in drives}
+    keys = {number: ground_key(ground) for number, ground in grounds.items()}
     numbers: dict[str, int] = {}
-    found = []
-    for drive in drives:
-        ground = drive.ground
-        if id(ground) not in keys:
-            keys[id(ground)] = ground_key(ground)
-        found.append(numbers.setdefault(keys[id(ground)], len(numbers)))
-    return np.array(found)
+    found = (keys[id(drive.ground)] for drive in drives)
+    return np.array([numbers.setdefault(key, len(numbers)) for key in found])
 
 
 def ground_key(ground: AnyGround | None) -> str:
@@ -135,7 +126,7 @@ def rollouts(
         group = [drives[row] for row in rows.tolist()]
         memory = None
         if seen and start:
-            before = windows_of(first_steps(group, start), pixels)
+            before = windows_of([part_of(d, 0, start) for d in group], pixels)
             with torch.inference_mode():
                 _, memory = model("novice", before.inputs, before.maps)
         heights, spacing = None, 0.0

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import importlib.util
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +10,10 @@ import torch
 from torch import Tensor
 
 from ownrobot.methods.closed_form import fitted, weights_of
-from ownrobot.methods.fine_tuning import pretraining_datasets
-from ownrobot.methods.pooled import expert_windows, joined
-from ownrobot.methods.trees import Forest, Trees, features, kept_columns
+from ownrobot.methods.fine_tuning import expert_of, pretraining_datasets
+from ownrobot.methods.regression import Regression, Samples, joined, samples
+from ownrobot.methods.trees import Forest
 from sidm.body import Body
-from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.training import Trained
 
@@ -47,12 +44,6 @@ STEPS_PER_LEAF = 10
 ROUNDS_AT_A_TIME = 50
 
 
-def require_scikit_learn(method: str) -> None:
-    """Raise ConfigError, one line, where scikit-learn is not installed."""
-    if importlib.util.find_spec("sklearn") is None:
-        raise ConfigError(f'{method} needs scikit-learn: pip install "sidm[trees]"')
-
-
 def learn(
     datasets: Datasets,
     body: Body,
@@ -67,89 +58,80 @@ def learn(
     is the test loss; then that many are grown from train and test split together. They
     correct the trees of the expert's motion, or learn from its samples too (`pooled`).
     """
-    require_scikit_learn("trees")
     base = Forest.constant(torch.zeros(len(body.targets)))
+    growth = NOVICE
     if corrects_expert:
-        expert = pretraining_datasets(datasets, seed)
-        base = grow(expert, body, base, EXPERT, seed).forest
+        alone = pretraining_datasets(datasets, seed)
+        base, growth = grow(alone, body, base, EXPERT, seed).forest, CORRECTION
     if pooled:
-        train = joined(datasets.train, expert_windows(datasets))
-        datasets = datasets._replace(train=train)
-    growth = CORRECTION if corrects_expert else NOVICE
+        train, expert = datasets.train, expert_of(datasets)
+        both = Windows(
+            torch.cat([train.inputs, expert.inputs]),
+            torch.cat([train.targets, expert.targets]),
+            torch.cat([train.maps, expert.maps]),
+        )
+        datasets = datasets._replace(train=both)
     grown = grow(datasets, body, base, growth, seed)
     weights = weights_of(body, scale)
-    train_loss, test_loss = (
-        float((weights * errors).sum())
-        for errors in (grown.train_errors, grown.test_errors)
-    )
-    steps = sum(
-        part.targets[..., 0].numel() for part in (datasets.train, datasets.test)
-    )
-    return fitted(Trees(body, grown.forest, scale), steps, train_loss, test_loss)
+    train_loss, test_loss = (float((weights * part).sum()) for part in grown[1:])
+    model = Regression(body, grown.forest, scale=scale)
+    steps = sum(part.targets[..., 0].numel() for part in datasets[:2])
+    return fitted(model, steps, train_loss, test_loss)
 
 
 class Grown(NamedTuple):
-    """Grown trees.
+    """A forest with grown trees, and mean squared errors (Y,) of trees."""
 
-    Attributes:
-        forest: the base with the trees of both splits
-        train_errors: (Y,) mean squared errors of the trees on both splits
-        test_errors: (Y,) mean squared errors on the test split of the trees of the
-            train split alone
-    """
-
-    forest: Forest
-    train_errors: Tensor
-    test_errors: Tensor
+    forest: Forest  # the base with the trees of both splits
+    train_errors: Tensor  # of these trees on both splits
+    test_errors: Tensor  # on the test split, of the trees of the train split alone
 
 
 def grow(
     datasets: Datasets, body: Body, base: Forest, growth: Growth, seed: int
 ) -> Grown:
     """Trees of what a forest leaves of the transitions, added to the forest."""
-    train, test = (
-        _features_and_residuals(part, body, base)
-        for part in (datasets.train, datasets.test)
-    )
-    both = np.concatenate([train[0], test[0]]), np.concatenate([train[1], test[1]])
+    import sklearn.ensemble  # noqa: F401 - its OpenMP must be there to be limited
+    from threadpoolctl import threadpool_limits
+
+    parts = []
+    for windows in datasets[:2]:
+        x, y = samples(windows, body)
+        parts.append((x, y - base.predict(torch.from_numpy(x)).numpy()))
     forest, errors = base, []
     for component in range(len(body.targets)):
-        data = [(x, y[:, component]) for x, y in (train, test, both)]
-        with _one_openmp_thread():
-            trees, baseline, of_component = _grow_component(data, growth, seed)
+        data = [(x, y[:, component]) for x, y in (*parts, joined(*parts))]
+        with threadpool_limits(1, user_api="openmp"):
+            trees, baseline, *of_component = _grow_component(data, growth, seed)
         forest = forest.with_trees(component, trees, baseline)
         errors.append(of_component)
     train_errors, test_errors = torch.tensor(errors, dtype=torch.float64).T
     return Grown(forest, train_errors, test_errors)
 
 
-#: Features (N, F) and one component's residuals (N,).
-Data = tuple[np.ndarray, np.ndarray]
-
-
 def _grow_component(
-    data: Sequence[Data], growth: Growth, seed: int
-) -> tuple[list[Any], float, tuple[float, float]]:
-    """Nodes of trees, baseline and errors, as in `Grown`, of one component.
+    data: Sequence[Samples], growth: Growth, seed: int
+) -> tuple[list[Any], float, float, float]:
+    """Nodes of trees, baseline, and errors as in `Grown`, of one component.
 
     The data are those of the train split, the test split and both.
     """
-    train, (x_test, y_test), (x, y) = data
+    train, test, (x, y) = data
     if y.std() < SMALLEST_STD:
-        return [], float(y.mean()), (float(y.var()), float(y_test.var()))
-    rounds, test_error = _best_rounds(growth, train, (x_test, y_test), seed)
+        return [], float(y.mean()), float(y.var()), float(test[1].var())
+    rounds, test_error = _best_rounds(growth, train, test, seed)
     if not rounds:
-        return [], 0.0, (float(np.square(y).mean()), test_error)
+        return [], 0.0, float(np.square(y).mean()), test_error
     regressor = _regressor(growth, len(x), seed)
     regressor.set_params(max_iter=rounds).fit(x, y)
     error = float(np.square(regressor.predict(x) - y).mean())
     # scikit-learn has no public way to the nodes; a test holds them to its `predict`.
     trees = [trees_of_round[0].nodes for trees_of_round in regressor._predictors]
-    return trees, float(regressor._baseline_prediction.item()), (error, test_error)
+    return trees, float(regressor._baseline_prediction.item()), error, test_error
 
 
 def _best_rounds(
-    growth: Growth, train: Data, test: Data, seed: int
+    growth: Growth, train: Samples, test: Samples, seed: int
 ) -> tuple[int, float]:
     """The number of trees with the lowest error on the test split, and this error.
 
@@ -172,16 +154,6 @@ def _best_rounds(
     return best, float(errors[best])
 
 
-def _features_and_residuals(
-    windows: Windows, body: Body, base: Forest
-) -> tuple[np.ndarray, np.ndarray]:
-    """Features (N, F) and what a forest leaves of the changes (N, Y), float64."""
-    rows = features(windows.inputs, windows.maps, body).flatten(0, 1)
-    changes = windows.targets.double() - kept_columns(windows.inputs, body)
-    residuals = changes.flatten(0, 1) - base.predict(rows)
-    return rows.numpy(), residuals.numpy()
-
-
 def _regressor(growth: Growth, steps: int, seed: int) -> Any:
     """scikit-learn's regressor, which has not learnt yet."""
     from sklearn.ensemble import HistGradientBoostingRegressor
@@ -194,13 +166,3 @@ def _regressor(growth: Growth, steps: int, seed: int) -> Any:
         random_state=seed % 2**32,
         max_iter=growth.rounds,
     )
-
-
-@contextlib.contextmanager
-def _one_openmp_thread() -> Iterator[None]:
-    """scikit-learn grows trees on one thread inside the block."""
-    import sklearn.ensemble  # noqa: F401 - its OpenMP must be there to be limited
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, user_api="openmp"):
-        yield

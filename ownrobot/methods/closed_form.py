@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import torch
 from torch import Tensor
 
@@ -25,11 +23,6 @@ class ClosedForm(Predictor):
     def loss_weights(self, role: str) -> Tensor | None:
         """Weights (Y,) of the components in equation (1)."""
         return self.scale
-
-    def keep(self, tensors: NamedTuple) -> None:
-        """Make tensors, which are not trained, parameters of their names."""
-        for name, tensor in tensors._asdict().items():
-            self.register_parameter(name, torch.nn.Parameter(tensor.clone(), False))
 
 
 def fitted(

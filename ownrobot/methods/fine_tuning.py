@@ -15,7 +15,7 @@ from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets
+from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation
@@ -27,11 +27,9 @@ STATE = "state"
 
 
 class Pretrained(NamedTuple):
-    """The result of a pretraining.
+    """The weights of a model that has the novice's parts alone, by name.
 
-    Attributes:
-        weights: name -> weights of a model that has the novice's parts alone
-        samples: how many samples of the expert the pretraining used
+    `samples` is how many samples of the expert the pretraining used.
     """
 
     weights: Mapping[str, Tensor]
@@ -47,16 +45,21 @@ class Pretrained(NamedTuple):
         return self._replace(weights=core)
 
 
+def expert_of(datasets: Datasets) -> Windows:
+    """The expert's windows; ConfigError without any."""
+    if datasets.expert is None:
+        raise ConfigError(
+            "this method needs the expert's data, but datasets.expert is None"
+        )
+    return datasets.expert
+
+
 def pretraining_datasets(datasets: Datasets, seed: int) -> Datasets:
     """Datasets of a pretraining: the expert's in the novice's place.
 
     The validation set is empty: nothing evaluates these weights by themselves.
     """
-    expert = datasets.expert
-    if expert is None:
-        raise ConfigError(
-            "pretraining needs the expert's data, but datasets.expert is None"
-        )
+    expert = expert_of(datasets)
     if len(expert) < 2:
         raise ConfigError(
             "the expert's motion is one piece; pretraining needs one to learn from "

@@ -30,9 +30,9 @@ from ownrobot.methods.closed_form import (
     fitted,
     weights_of,
 )
-from ownrobot.methods.drivetrain import Model, Signal, drivetrain_of
+from ownrobot.methods.drivetrain import Model, drivetrain_of
 from sidm import rotations
-from sidm.body import Body
+from sidm.body import SI, Body
 from sidm.learning.dataset import Datasets
 from sidm.learning.networks import Memory
 from sidm.learning.training import Trained
@@ -84,21 +84,22 @@ class Kinematics(ClosedForm):
 
     def signals(self, columns: Tensor, actions: Tensor) -> Tensor:
         """The drivetrain's two signals (..., 2)."""
-
-        def mean(signal: Signal) -> Tensor:
-            source = columns if signal.measured else actions
-            return source[..., list(signal.indices)].mean(-1)
-
-        return torch.stack(
-            [mean(self.drivetrain.first), mean(self.drivetrain.second)], -1
-        )
+        means = [
+            (columns if signal.measured else actions)[..., list(signal.indices)].mean(
+                -1
+            )
+            for signal in (self.drivetrain.first, self.drivetrain.second)
+        ]
+        return torch.stack(means, -1)
 
     def features(self, signals: Tensor) -> Tensor:
         """Numbers (..., 2), from signals (..., 2), in which the motion is linear."""
         if self.drivetrain.kind != "steered":
             return signals
         speed, steering = signals.unbind(-1)
-        if self.drivetrain.second.unit == "rad":
+        (index,), measured = self.drivetrain.second
+        unit = (self.body.columns if measured else self.body.actions)[index][1]
+        if SI.get(unit) == "rad":
             steering = steering.clamp(-LARGEST_STEERING, LARGEST_STEERING).tan()
         return torch.stack([speed, speed * steering], -1)
 
@@ -132,10 +133,10 @@ def identify(
     The test loss is that on all these steps.
     """
     found = Kinematics(model, body, scale)
-    sets = datasets.train, datasets.test
-    parts = [part for windows in sets for part in windows.split(len(windows))]
-    x = torch.cat([part.inputs for part in parts]).flatten(0, 1).double()
-    y = torch.cat([part.targets for part in parts]).flatten(0, 1).double()
+    x, y = (
+        torch.cat([getattr(part, name) for part in datasets[:2]]).flatten(0, 1).double()
+        for name in ("inputs", "targets")
+    )
     columns, actions = columns_and_actions(x, body)
     after = y[:, body.pose_size :]
     _fit_wheels(found, columns, actions, after)

@@ -32,19 +32,17 @@ PENALTIES = tuple(10.0**power for power in range(-4, 1))
 #: Penalties on the weights of the numbers' products.
 PRODUCT_PENALTIES = tuple(10.0**power for power in range(-3, 4))
 
+Image = Callable[[Windows], Windows]  # other motion of the robot, from windows
+
 
 class LeastSquares(ClosedForm):
-    """Predicts a weighted sum of functions, added to the expert's prediction if any.
+    """Predicts a weighted sum of functions, added to the prediction of a base if any.
 
-    The weights are zero until they are fitted. Every number is limited to the range of
-    the data that the model was fitted to: products of numbers outside of it would
-    diverge over the steps of a rollout.
-
-    Args:
-        units: units in which the functions are computed.
-        base: the expert's model, a network with the novice's parts alone or least
-            squares, which is not changed; None if the sum is the whole transition.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
+    The base is the expert's model, which is not changed: a network with the novice's
+    parts alone, or least squares. The functions are computed in `units`. The weights
+    are zero until they are fitted. Every number is limited to the range of the data
+    that the model was fitted to: products of numbers outside of it would diverge over
+    the steps of a rollout.
     """
 
     low: Tensor  # (N,), smallest numbers in the data
@@ -76,11 +74,10 @@ class LeastSquares(ClosedForm):
     def numbers(
         self, role: str, inputs: Tensor, maps: Tensor, memory: Memory | None = None
     ) -> tuple[Tensor, Tensor, Memory | None]:
-        """Arguments of the functions, and the prediction that their sum is added to.
+        """Numbers (B, T, N) that the functions see, and what their sum is added to.
 
-        Returns:
-            Numbers (B, T, N), the base's transitions (B, T, Y) in raw units, which are
-            0 without a base, and the base's memory.
+        That is the base's transitions (B, T, Y) in raw units, 0 without a base; the
+        base's memory comes last.
         """
         numbers = (inputs - self.units.input_mean) / self.units.input_std
         if self.base is None:
@@ -105,19 +102,12 @@ class LeastSquares(ClosedForm):
 
 
 class NormalEquations(NamedTuple):
-    """Sums over some steps, float64, from which least squares are solved.
+    """Sums over some steps, float64, from which least squares are solved."""
 
-    Attributes:
-        gram: (F, F), products of two functions
-        cross: (F, Y), products of a function and a target
-        squares: squares of the targets
-        steps: how many steps were added
-    """
-
-    gram: Tensor
-    cross: Tensor
-    squares: float
-    steps: int
+    gram: Tensor  # (F, F), products of two functions
+    cross: Tensor  # (F, Y), products of a function and a target
+    squares: float  # of the targets
+    steps: int  # how many were added
 
     def plus(self, other: NormalEquations) -> NormalEquations:
         """Sums over these steps and those of `other`."""
@@ -150,35 +140,23 @@ def fit(
     datasets: Datasets,
     units: Standardisation,
     base: Predictor | None = None,
-    image: Callable[[Windows], Windows] | None = None,
+    image: Image | None = None,
     scale: Tensor | None = None,
     further: Windows | None = None,
 ) -> Trained:
-    """Fit the weights of a `LeastSquares` model to the novice's data.
+    """Fit the weights of a `LeastSquares` model to the novice's train and test split.
 
-    Train and test split are used together; the penalties are those of the lowest
-    cross-validated loss.
-
-    Args:
-        datasets: the novice's train and test split; the other data are not used.
-        units: units in which the functions are computed, the same for every method.
-        base: the model that is corrected; none by default.
-        image: turns windows into other motion of the robot, such as its mirror image,
-            which is learnt from too; none by default.
-        scale: weights (Y,) of the components in equation (1); all 1 by default.
-        further: windows of another robot, which are learnt from in every fold, but do
-            not count in the loss; none by default.
-
-    Returns:
-        The model and its training; the test loss is the cross-validated one.
+    The penalties are those of the lowest cross-validated loss, which is the test loss.
+    Other motion of the robot, such as its mirror `image`, is learnt from too. `scale`
+    has the weights (Y,) of the components in equation (1), 1 by default. `further`
+    windows of another robot are learnt from in every fold, but do not count in the
+    loss.
     """
     model = LeastSquares(units, base, scale).eval()
     root = torch.ones(model.targets)
     if scale is not None:  # a component of weight 0 is fitted all the same
         root = torch.where(scale > 0, scale.sqrt(), root)
-    numbers, residuals = _numbers_and_residuals(
-        model, (datasets.train, datasets.test), image
-    )
+    numbers, residuals = _numbers_and_residuals(model, datasets[:2], image)
     others = numbers[:0], residuals[:0]
     if further is not None:
         others = _numbers_and_residuals(model, (further,), image)
@@ -212,25 +190,20 @@ def fit(
 
 
 def _numbers_and_residuals(
-    model: LeastSquares,
-    sets: Sequence[Windows],
-    image: Callable[[Windows], Windows] | None,
+    model: LeastSquares, sets: Sequence[Windows], image: Image | None
 ) -> tuple[Tensor, Tensor]:
     """Numbers (n, T, N), and what the base leaves of the transitions, (n, T, Y).
 
     With an `image` there are 2 T in place of T steps.
     """
-
-    def pair(part: Windows) -> tuple[Tensor, Tensor]:
-        with torch.inference_mode():
-            numbers, predicted, _ = model.numbers("novice", part.inputs, part.maps)
-        return numbers, part.targets - predicted
-
-    pairs = []  # numbers (B, T, N) and residuals (B, T, Y) of each part
+    rows = []
     for windows in sets:
         for part in windows.split(EVALUATION_BATCH):
-            images = [part] if image is None else [part, image(part)]
-            both = zip(*map(pair, images), strict=True)
-            pairs.append([torch.cat(tensors, dim=1) for tensors in both])
-    numbers, residuals = (torch.cat(parts) for parts in zip(*pairs, strict=True))
+            pairs = []
+            for one in [part] if image is None else [part, image(part)]:
+                with torch.inference_mode():
+                    numbers, base, _ = model.numbers("novice", one.inputs, one.maps)
+                pairs.append((numbers, one.targets - base))
+            rows.append([torch.cat(each, dim=1) for each in zip(*pairs, strict=True)])
+    numbers, residuals = (torch.cat(parts) for parts in zip(*rows, strict=True))
     return numbers.clone(), residuals.clone()

@@ -29,36 +29,27 @@ def map_features(maps: Tensor, size: float) -> Tensor:
     the robot best. The cells are squares of about 1 m, three by three, with the robot
     in the middle.
     """
-    weights = feature_weights(maps.shape[-1], size).to(maps.device)
+    weights = _feature_weights(maps.shape[-1], size).to(maps.device)
     return maps.flatten(-2).float() @ weights.T
 
 
 @functools.lru_cache(maxsize=8)
-def feature_weights(pixels: int, size: float) -> Tensor:
+def _feature_weights(pixels: int, size: float) -> Tensor:
     """Weights (13, P * P), float32: each feature is a weighted sum of the pixels."""
     places = ((torch.arange(pixels, dtype=torch.float64) + 0.5) / pixels - 0.5) * size
     y, x = (grid.flatten() for grid in torch.meshgrid(places, places, indexing="ij"))
-    return torch.cat([_paraboloid(x, y, size / pixels), _cells(x, y, size)]).float()
-
-
-def _paraboloid(x: Tensor, y: Tensor, pixel: float) -> Tensor:
-    """Weights (4, P * P) of height, slopes and curvature."""
     squares = x.square() + y.square()
-    near = squares <= max(NEAR, 1.5 * pixel) ** 2  # a coarse map needs its middle
+    # A coarse map needs its middle.
+    near = squares <= max(NEAR, 1.5 * (size / pixels)) ** 2
     terms = torch.stack([torch.ones_like(x), x, y, squares / 2], 1)
-    weights = x.new_zeros(4, len(x))
-    weights[:, near] = torch.linalg.pinv(terms[near])
-    return weights
-
-
-def _cells(x: Tensor, y: Tensor, size: float) -> Tensor:
-    """Weights (9, P * P) of the means of the cells."""
+    paraboloid = x.new_zeros(4, len(x))
+    paraboloid[:, near] = torch.linalg.pinv(terms[near])
     side = min(CELL, size / 3)
-    rows = []
+    cells = []
     for left in (-1, 0, 1):
         for ahead in (-1, 0, 1):
             distance = torch.maximum((x - ahead * side).abs(), (y - left * side).abs())
             # A coarse map may have no pixel in the cell: the nearest ones count.
             inside = distance <= max(side / 2, float(distance.min())) + 1e-9
-            rows.append(inside / inside.sum())
-    return torch.stack(rows)
+            cells.append(inside / inside.sum())
+    return torch.cat([paraboloid, torch.stack(cells)]).float()

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidm.config import ConfigError
+from ownrobot.methods.fine_tuning import expert_of
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.model import Predictor
 from sidm.learning.units import Standardisation
@@ -32,50 +32,32 @@ class Pooled(Predictor):
 
     def forward(self, role: str, inputs: Tensor, maps: Tensor, memory=None):
         """Transitions (B, T, Y) in raw units, and the memory of the inner model."""
-        return self.inner(role, with_flag(inputs, True), maps, memory)
+        return self.inner(role, _with_flag(inputs, 1.0), maps, memory)
 
 
-def with_flag(inputs: Tensor, is_novice: bool) -> Tensor:
+def _with_flag(inputs: Tensor, flag: float) -> Tensor:
     """Inputs (..., 1 + X) from inputs (..., X)."""
-    flag = torch.full_like(inputs[..., :1], float(is_novice))
-    return torch.cat([flag, inputs], -1)
+    return torch.cat([torch.full_like(inputs[..., :1], flag), inputs], -1)
 
 
 def pooled_datasets(datasets: Datasets, seed: int) -> Datasets:
     """The data of both robots with flags, the expert's at most 20,000 samples."""
-    expert = expert_windows(datasets)
+    expert = expert_of(datasets)
     most = max(1, MOST_EXPERT_SAMPLES // expert.stored_inputs.shape[1])
     order = np.random.default_rng(seed).permutation(len(expert))
     expert = expert.take(np.sort(order[:most]))
-    train, test, validation = (_flagged(part, True) for part in datasets[:3])
-    return Datasets(train, test, validation, _flagged(expert, False))
+    train, test, validation = (_flagged(part, 1.0) for part in datasets[:3])
+    return Datasets(train, test, validation, _flagged(expert, 0.0))
 
 
-def expert_windows(datasets: Datasets) -> Windows:
-    """The expert's windows."""
-    if datasets.expert is None:
-        raise ConfigError(
-            "samples of both robots need the expert's data, but datasets.expert is None"
-        )
-    return datasets.expert
-
-
-def _flagged(windows: Windows, is_novice: bool) -> Windows:
-    inputs = with_flag(windows.inputs, is_novice)
-    return Windows(inputs, windows.targets, windows.maps)
+def _flagged(windows: Windows, flag: float) -> Windows:
+    return Windows(_with_flag(windows.inputs, flag), windows.targets, windows.maps)
 
 
 def pooled_units(units: Standardisation) -> Standardisation:
     """The units, with a raw flag in front of x."""
-    first = units.input_mean.new_zeros(1), units.input_std.new_ones(1)
+    mean, std = units.input_mean, units.input_std
     return units._replace(
-        input_mean=torch.cat([first[0], units.input_mean]),
-        input_std=torch.cat([first[1], units.input_std]),
+        input_mean=torch.cat([mean.new_zeros(1), mean]),
+        input_std=torch.cat([std.new_ones(1), std]),
     )
-
-
-def joined(windows: Windows, others: Windows) -> Windows:
-    """Windows of two robots as one."""
-    names = ("inputs", "targets", "maps")
-    pairs = ([getattr(part, name) for part in (windows, others)] for name in names)
-    return Windows(*map(torch.cat, pairs))

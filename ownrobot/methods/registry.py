@@ -22,49 +22,30 @@ ADVERSARY = {
 }
 DRAWING = {"p_expert", "system_draw"}
 Fit = Literal[
-    "gradients",
-    "least_squares",
-    "kinematics",
-    "trees",
-    "gaussian_process",
-    "trivial",
+    "gradients", "least_squares", "kinematics", "trees", "gaussian_process", "trivial"
 ]
 
 
 class Method(NamedTuple):
-    """A method of learning a robot.
+    """A method of learning a robot."""
 
-    Attributes:
-        label: name in figures and tables
-        tuned_as: the method whose tuned settings it has; '' if it does not use the
-            training loop
-        expert: whether it learns from the expert's data too, with the training's p_e
-        regularise: whether Algorithm 2 makes the systems' latents similar
-        pretrained: whether it starts from weights that were trained on the expert alone
-        carried: which of these weights it starts from; 'sidm': the shared part alone
-        residual: whether it learns a correction of the expert's model instead: of the
-            pretrained network, of its trees for trees, or else of its least squares
-        pooled: whether it learns from the samples of both robots as one, with an input
-            that tells them apart
-        fit: how it learns
-        own: which parts of encoder and decoder each system has for itself, as
-            `Network.own`
-        changes: settings of its training that differ from all others'
-        all_changes: settings of its training and its pretraining that differ
-    """
-
-    label: str
-    tuned_as: str
-    expert: bool = False
-    regularise: bool = False
-    pretrained: bool = False
-    carried: Literal["all", "sidm"] = "all"
+    label: str  # name in figures and tables
+    tuned_as: str  # the method whose tuned settings it has; '' without training loop
+    expert: bool = False  # whether it learns from the expert's data too, with p_e
+    regularise: bool = False  # whether Algorithm 2 makes the systems' latents similar
+    pretrained: bool = False  # whether it starts from weights of the expert alone
+    carried: Literal["all", "sidm"] = "all"  # which; 'sidm': the shared part alone
+    #: whether it learns a correction of the expert's model instead: of the pretrained
+    #: network, of its trees for trees, or else of its least squares
     residual: bool = False
+    #: whether it learns from the samples of both robots as one, with an input that
+    #: tells them apart
     pooled: bool = False
-    fit: Fit = "gradients"
+    fit: Fit = "gradients"  # how it learns
+    #: which parts of encoder and decoder each system has for itself, as `Network.own`
     own: Literal["all", "biases", "flag", "none"] = "all"
-    changes: tuple[tuple[str, Any], ...] = ()
-    all_changes: tuple[tuple[str, Any], ...] = ()
+    changes: tuple[tuple[str, Any], ...] = ()  # settings of its training that differ
+    all_changes: tuple[tuple[str, Any], ...] = ()  # of its pretraining, too
 
     @property
     def needs_expert(self) -> bool:

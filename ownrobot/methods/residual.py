@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from sidm.config import ConfigError
+from ownrobot.methods.fine_tuning import expert_of
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
 from sidm.learning.model import DynamicsModel, Predictor
@@ -28,17 +28,12 @@ class Corrected(Predictor):
 
 
 def residual_datasets(datasets: Datasets, base: DynamicsModel) -> Datasets:
-    """The novice's data with residuals of `base` as targets.
-
-    A residual is a transition minus the transition that `base` predicts.
-    """
-    names = ("train", "test", "validation")
-    sets = {name: _residuals(getattr(datasets, name), base) for name in names}
-    return datasets._replace(**sets)
+    """The novice's data with targets minus the transitions that `base` predicts."""
+    train, test, validation = (_residuals(part, base) for part in datasets[:3])
+    return datasets._replace(train=train, test=test, validation=validation)
 
 
 def _residuals(windows: Windows, base: DynamicsModel) -> Windows:
-    """The windows with residuals of `base` as targets."""
     copy, device = windows.take(range(len(windows))), base.device
     predicted = []
     with torch.inference_mode():
@@ -49,13 +44,6 @@ def _residuals(windows: Windows, base: DynamicsModel) -> Windows:
 
 
 def correction_units(datasets: Datasets) -> Standardisation:
-    """Units of a correction: those of the expert's data, but with targets of mean 0.
-
-    A correction starts at zero.
-    """
-    if datasets.expert is None:
-        raise ConfigError(
-            "a correction needs the expert's data, but datasets.expert is None"
-        )
-    units = Standardisation.fit(datasets.expert)
+    """Units of a correction, which starts at zero: the expert's, targets of mean 0."""
+    units = Standardisation.fit(expert_of(datasets))
     return units._replace(target_mean=torch.zeros_like(units.target_mean))

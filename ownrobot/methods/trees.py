@@ -1,9 +1,6 @@
-"""Boosted regression trees: one sequence of trees for each component of y.
+"""Boosted regression trees as tensors: one sequence of trees for each component of y.
 
-They see x of this step and of the step before, and a dozen numbers of the height map
-where the body has one. They predict how much a column changes rather than the column
-itself: a sum of steps is a poor copy of a number. `boosting` grows them;
-predictions and storage need PyTorch alone.
+`boosting` grows them.
 """
 
 from __future__ import annotations
@@ -15,44 +12,27 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ownrobot.methods.closed_form import ClosedForm, columns_and_actions
-from ownrobot.methods.map_features import map_features
-from sidm.body import Body
-
 ROWS_AT_A_TIME = 64  # each visits every tree; a processor's cache holds so many
 
 
 class Forest(NamedTuple):
-    """Trees of several regressions, node by node; a leaf is its own child.
+    """Trees of several regressions, node by node; a leaf is its own child."""
 
-    Attributes:
-        feature: (n,) int64, the number that a node looks at
-        threshold: (n,) float64; a number up to the threshold goes to the left
-        missing_left: (n,) bool, whether a missing number (NaN) goes to the left
-        left: (n,) int64, the child on the left
-        right: (n,) int64, the child on the right
-        value: (n,) float64, a leaf's contribution to its component
-        roots: (R,) int64, each tree's first node
-        component: (R,) int64, the component of y that a tree adds to
-        baseline: (Y,) float64, the components without any tree
-    """
-
-    feature: Tensor
-    threshold: Tensor
-    missing_left: Tensor
-    left: Tensor
-    right: Tensor
-    value: Tensor
-    roots: Tensor
-    component: Tensor
-    baseline: Tensor
+    feature: Tensor  # (n,) int64, the number that a node looks at
+    threshold: Tensor  # (n,) float64; a number up to the threshold goes to the left
+    missing_left: Tensor  # (n,) bool, whether a missing number (NaN) goes to the left
+    left: Tensor  # (n,) int64, the child on the left
+    right: Tensor  # (n,) int64, the child on the right
+    value: Tensor  # (n,) float64, a leaf's contribution to its component
+    roots: Tensor  # (R,) int64, each tree's first node
+    component: Tensor  # (R,) int64, the component of y that a tree adds to
+    baseline: Tensor  # (Y,) float64, the components without any tree
 
     @classmethod
     def constant(cls, values: Tensor) -> Forest:
         """A forest without trees that predicts `values` (Y,)."""
         whole = torch.zeros(0, dtype=torch.int64)
-        number = torch.zeros(0, dtype=torch.float64)
-        flags = torch.zeros(0, dtype=torch.bool)
+        number, flags = whole.double(), whole.bool()
         return cls(
             whole, number, flags, whole, whole, number, whole, whole, values.double()
         )
@@ -90,15 +70,14 @@ class Forest(NamedTuple):
 
     def predict(self, features: Tensor) -> Tensor:
         """Components (N, Y), float64, at features (N, F), float64."""
-        small = self.feature.int(), self._children()  # short numbers are read faster
+        feature = self.feature.int()  # short numbers are read faster
+        # Node i has its left child at 2 i, its right one at 2 i + 1.
+        children = torch.stack([self.left, self.right], 1).flatten().int()
         parts = [
-            self._predict_part(part, *small) for part in features.split(ROWS_AT_A_TIME)
+            self._predict_part(part, feature, children)
+            for part in features.split(ROWS_AT_A_TIME)
         ]
         return torch.cat(parts) if parts else self.baseline.expand(0, -1)
-
-    def _children(self) -> Tensor:
-        """Children (2 n,), int32: node i has its left at 2 i, its right at 2 i + 1."""
-        return torch.stack([self.left, self.right], 1).flatten().int()
 
     def _predict_part(
         self, features: Tensor, feature: Tensor, children: Tensor
@@ -126,52 +105,3 @@ class Forest(NamedTuple):
 def _tensor(array: Any) -> Tensor:
     """A tensor with a copy of a field of a structured array."""
     return torch.from_numpy(np.array(array, dtype=np.float64))
-
-
-class Trees(ClosedForm):
-    """Predicts transitions (B, T, Y) with boosted trees.
-
-    The memory is the last x, (B, 1, X); at a drive's first step the x before is x
-    itself.
-    """
-
-    def __init__(self, body: Body, forest: Forest, scale: Tensor | None = None):
-        super().__init__(scale)
-        self.body = body
-        self.keep(forest)
-
-    @property
-    def forest(self) -> Forest:
-        """The trees."""
-        return Forest(*(getattr(self, name).data for name in Forest._fields))
-
-    def forward(
-        self, role: str, inputs: Tensor, maps: Tensor, memory: Tensor | None = None
-    ):
-        """Transitions (B, T, Y) in raw units, and the last x (B, 1, X)."""
-        rows = features(inputs, maps, self.body, memory)
-        changes = self.forest.predict(rows.flatten(0, 1)).unflatten(0, rows.shape[:2])
-        predicted = (changes + kept_columns(inputs, self.body)).to(inputs.dtype)
-        return predicted, inputs[:, -1:]
-
-
-def features(
-    inputs: Tensor, maps: Tensor, body: Body, before: Tensor | None = None
-) -> Tensor:
-    """Features (B, T, F), float64: x, the x of the step before, and the map's features.
-
-    Inputs are (B, T, X), maps (B, T, P, P), m; `before` (B, 1, X) is x of the step
-    before the first, by default x of the first.
-    """
-    first = inputs[:, :1] if before is None else before
-    parts = [inputs, torch.cat([first, inputs[:, :-1]], 1)]
-    if body.map_size:
-        parts.append(map_features(maps, body.map_size))
-    return torch.cat(parts, -1).double()
-
-
-def kept_columns(inputs: Tensor, body: Body) -> Tensor:
-    """Transitions (B, T, Y), float64: columns keep their values, the pose is 0."""
-    columns = columns_and_actions(inputs, body)[0].double()
-    pose = columns.new_zeros(*columns.shape[:-1], body.pose_size)
-    return torch.cat([pose, columns], -1)

@@ -52,13 +52,9 @@ def learn(
     train, test = datasets.train, datasets.test
     if model == "mean":
         trivial.transition.copy_(train.targets.mean((0, 1)))
-    train_loss, test_loss = (
-        float(
-            prediction_loss(
-                trivial("novice", part.inputs, part.maps)[0], part.targets, scale
-            ).mean()
-        )
-        for part in (train, test)
-    )
+    losses = []
+    for part in (train, test):
+        predicted, _ = trivial("novice", part.inputs, part.maps)
+        losses.append(float(prediction_loss(predicted, part.targets, scale).mean()))
     steps = train.targets[..., 0].numel()
-    return fitted(trivial, steps, train_loss, test_loss)
+    return fitted(trivial, steps, *losses)

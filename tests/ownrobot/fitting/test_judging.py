@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import ownrobot
-from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP
+from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP, DriveLosses, standard_error
 from ownrobot.fitting.model import WARM_UP, Model
-from ownrobot.fitting.score import DriveLosses, standard_error
 from ownrobot.fitting.splits import (
     divided,
     evaluation_splits,
@@ -105,8 +104,8 @@ def test_the_last_window_may_overlap_so_that_no_step_is_lost():
     windows = cut([drive(steps=150)], 64, overlap=True)
     starts = [round(1000 * window.actions[0, 0]) for window in windows]
     assert starts == [0, 64, 86] and {len(window) for window in windows} == {64}
-    assert len(cut([drive(steps=150)], 64)) == 2
-    assert len(cut([drive(steps=150)], 75, overlap=True)) == 2  # no overlap is needed
+    for steps, overlap in ((64, False), (75, True)):  # 75: no overlap is needed
+        assert len(cut([drive(steps=150)], steps, overlap=overlap)) == 2
     with pytest.raises(ConfigError, match="no drive of .* has 65 steps"):
         cut(windows, 65)
 
@@ -120,26 +119,11 @@ def warthog():
     return read_drives(WARTHOG, BODY)
 
 
-def names_of_sessions(drives):
-    return {drive.session for drive in drives}
-
-
-def test_many_sessions_are_held_out_once_and_few_in_folds(warthog):
-    ((learnt, held_out),) = evaluation_splits(warthog, 0.25, seed=0)
-    assert not names_of_sessions(learnt) & names_of_sessions(held_out)
-    assert len(learnt) + len(held_out) == len(warthog)
-    assert len(names_of_sessions(held_out)) == 24  # of 96
-    ((_, other),) = evaluation_splits(warthog, 0.25, seed=1)
-    assert names_of_sessions(other) != names_of_sessions(held_out)
-    few = warthog[:20]
-    splits = evaluation_splits(few, 0.25, seed=0)
-    assert len(names_of_sessions(few)) == 7 and len(splits) == 4
-    assert evaluation_splits(warthog[:1], 0.25, seed=0) == []
-
-
 def test_what_fit_says_is_what_evaluate_says(warthog, tmp_path):
     """The score belongs to drives that do not change the model."""
     ((learnt, held_out),) = evaluation_splits(warthog, 0.25, seed=0)
+    sessions, others = ({d.session for d in part} for part in (held_out, learnt))
+    assert len(sessions) == 24 and len(others) == 72 and not sessions & others
     model = ownrobot.fit(warthog, test=0.25, out=tmp_path)
     assert ownrobot.load(tmp_path).score(held_out) == model.held_out
     assert model.held_out.loss == model.loss(held_out)
@@ -149,16 +133,15 @@ def test_what_fit_says_is_what_evaluate_says(warthog, tmp_path):
     assert model.held_out.loss < model.held_out.mean_loss
 
 
-def test_folds_judge_models_and_the_model_learns_from_all(warthog):
-    few = warthog[:20]
+def test_few_sessions_judge_in_folds_and_the_model_learns_from_all(warthog):
+    few = warthog[:20]  # of seven sessions
+    splits = evaluation_splits(few, 0.25, seed=0)
     model = ownrobot.fit(few, test=0.25)
-    assert (model.held_out.folds, model.held_out.drives) == (4, 20)
-    losses = [
-        ownrobot.fit(learnt).losses(held_out)
-        for learnt, held_out in evaluation_splits(few, 0.25, seed=0)
-    ]
+    assert (model.held_out.folds, model.held_out.drives) == (len(splits), 20) == (4, 20)
+    losses = [ownrobot.fit(learnt).losses(held_out) for learnt, held_out in splits]
     assert DriveLosses.joined(losses).score(4) == model.held_out
     assert model.loss(few) == ownrobot.fit(few).loss(few)
+    assert evaluation_splits(warthog[:1], 0.25, seed=0) == []
 
 
 def test_the_standard_error_covers_the_loss_of_many_sessions():
@@ -228,6 +211,10 @@ def rms(values):
     return math.sqrt(np.mean(np.square(values)))
 
 
+def near(value):
+    return pytest.approx(value, rel=1e-5)  # y is float32
+
+
 def test_one_step_stands_beside_nothing_changes_and_the_mean(carts):
     table = model_of([0.1, 0.0, 0.02, 1.5]).evaluate(carts)
     table = table[table.prediction == ONE_STEP].set_index("quantity")
@@ -235,15 +222,13 @@ def test_one_step_stands_beside_nothing_changes_and_the_mean(carts):
     actual = np.array([[*moved(a, b), b[3]] for a, b in pairs])
     before = np.array([a[3] for a, _ in pairs])
     forward, speed = table.loc["forward"], table.loc["speed"]
-    assert forward.rmse == pytest.approx(rms(0.1 - actual[:, 0]), rel=1e-5)
-    assert forward["nothing_changes"] == pytest.approx(rms(actual[:, 0]), rel=1e-5)
-    assert forward["mean"] == pytest.approx(actual[:, 0].std(), rel=1e-5)
-    assert speed["nothing_changes"] == pytest.approx(
-        rms(actual[:, 3] - before), rel=1e-5
-    )
-    assert speed.average == pytest.approx(abs(1.5 - actual[:, 3]).mean(), rel=1e-5)
-    middle = np.sort(abs(1.5 - actual[:, 3]))[(len(actual) - 1) // 2]
-    assert speed["median"] == pytest.approx(middle, rel=1e-5)
+    assert forward.rmse == near(rms(0.1 - actual[:, 0]))
+    assert forward["nothing_changes"] == near(rms(actual[:, 0]))
+    assert forward["mean"] == near(actual[:, 0].std())
+    assert speed["nothing_changes"] == near(rms(actual[:, 3] - before))
+    sizes = np.sort(abs(1.5 - actual[:, 3]))
+    assert speed.average == near(sizes.mean())
+    assert speed["median"] == near(sizes[(len(sizes) - 1) // 2])
     assert (speed.unit, forward.unit, forward.horizon) == ("m/s", "m", 0.1)
 
 
@@ -252,29 +237,21 @@ def test_open_loop_errors_are_those_of_each_horizon(carts):
     table = model_of([0.1, 0.0, 0.02, 1.5]).evaluate(carts)
     ahead = table[(table.prediction == OPEN_LOOP) & (table.horizon.round(3) == 0.5)]
     ahead = ahead.set_index("quantity")
-    starts = [(d, WARM_UP) for d in carts] + [(carts[2], 11 + WARM_UP)]
-    path, ends, turns, speeds = [], [], [], []
-    for drive, first in starts:
-        state = drive.states[first].copy()
-        for _ in range(5):
-            state[:2] += 0.1 * np.array([math.cos(state[2]), math.sin(state[2])])
-            state[2] += 0.02
-        path.append(np.hypot(*(state - drive.states[first + 5])[:2]))
-        *end, turn = moved(drive.states[first], drive.states[first + 5])
-        ends.append(end)
-        turns.append(turn)
-        speeds.append([drive.states[first, 3], drive.states[first + 5, 3]])
+    starts = [(d.states, WARM_UP) for d in carts] + [(carts[2].states, 11 + WARM_UP)]
+    first, last = (np.array([x[k + n] for x, k in starts]) for n in (0, 5))
+    path = first.copy()
+    for _ in range(5):
+        path[:, :2] += 0.1 * np.stack([np.cos(path[:, 2]), np.sin(path[:, 2])], 1)
+        path[:, 2] += 0.02
+    ends = np.array([moved(a, b) for a, b in zip(first, last, strict=True)])
     position, heading, speed = (ahead.loc[n] for n in ("position", "heading", "speed"))
-    assert position.rmse == pytest.approx(rms(path), rel=1e-5)
-    assert position["nothing_changes"] == pytest.approx(
-        rms(np.hypot(*np.transpose(ends))), rel=1e-5
-    )
-    off = np.array(ends) - np.mean(ends, 0)
-    assert position["mean"] == pytest.approx(rms(np.hypot(*off.T)), rel=1e-5)
-    assert heading["nothing_changes"] == pytest.approx(rms(turns), rel=1e-5)
-    assert heading.rmse == pytest.approx(rms(0.1 - np.array(turns)), rel=1e-4)
-    start, end = np.transpose(speeds)
-    assert speed["nothing_changes"] == pytest.approx(rms(end - start), rel=1e-5)
+    assert position.rmse == near(rms(np.hypot(*(path - last)[:, :2].T)))
+    assert position["nothing_changes"] == near(rms(np.hypot(*ends[:, :2].T)))
+    off = ends[:, :2] - ends[:, :2].mean(0)
+    assert position["mean"] == near(rms(np.hypot(*off.T)))
+    assert heading["nothing_changes"] == near(rms(ends[:, 2]))
+    assert heading.rmse == pytest.approx(rms(0.1 - ends[:, 2]), rel=1e-4)
+    assert speed["nothing_changes"] == near(rms(last[:, 3] - first[:, 3]))
 
 
 def test_predictions_have_units_and_go_over_a_horizon(carts):

@@ -15,6 +15,7 @@ from sidm.config import ConfigError
 from sidm.learning import CheckpointError, DynamicsModel, Training, train
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.trainer import Trainer
+from sidm.learning.training import Trained
 
 ALONE = Training(
     p_expert=0.0,
@@ -27,14 +28,18 @@ ALONE = Training(
 
 
 @pytest.fixture
-def base(datasets, small_network) -> DynamicsModel:
-    sets = pretraining_datasets(datasets, 0)
-    return train(sets, small_network, ALONE, 0).model.requires_grad_(False)
+def pretraining(datasets, small_network) -> Trained:
+    return train(pretraining_datasets(datasets, 0), small_network, ALONE, 0)
 
 
 @pytest.fixture
-def start(base) -> Pretrained:
-    return Pretrained(base.state_dict(), 2000)
+def base(pretraining) -> DynamicsModel:
+    return pretraining.model.requires_grad_(False)
+
+
+@pytest.fixture
+def start(pretraining) -> Pretrained:
+    return pretrained_from(pretraining)
 
 
 def test_the_expert_stands_in_the_novices_place(datasets):
@@ -59,9 +64,7 @@ def test_a_novice_goes_on_from_the_experts_weights(datasets, small_network, star
     assert trainer.run_test().test_loss < fresh.run_test().test_loss
 
 
-def test_kept_weights_come_back_and_damage_is_named(datasets, small_network, tmp_path):
-    sets = pretraining_datasets(datasets, 0)
-    start = pretrained_from(train(sets, small_network, ALONE, 0))
+def test_kept_weights_come_back_and_damage_is_named(start, tmp_path):
     (tmp_path / "state").mkdir()
     write(tmp_path, start)
     stored = read(tmp_path)
@@ -92,7 +95,7 @@ def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_netwo
 
 def test_both_memories_are_carried_along(datasets, base, small_network):
     both = Corrected(base, DynamicsModel(small_network, seed=5, roles=["novice"]))
-    inputs, _, maps = (getattr(datasets.test, n) for n in ("inputs", "targets", "maps"))
+    inputs, maps = datasets.test.inputs, datasets.test.maps
     whole, _ = both("novice", inputs, maps)
     memory, steps = None, []
     for now in torch.arange(inputs.shape[1]).split(1):

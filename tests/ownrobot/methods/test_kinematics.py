@@ -156,13 +156,13 @@ def test_a_bicycle_finds_wheelbase_and_throttle(rng, pose):
 def test_signals_are_found_by_names(body, model, kind, first, second):
     found = drivetrain_of(body, model)
     assert found.kind == kind
-    assert [signal[:2] for signal in (found.first, found.second)] == [first, second]
+    assert [found.first, found.second] == [first, second]
 
 
 def test_commands_stand_for_what_is_not_measured():
     body = replace(SKID, columns=(), actions=(("Left_Motor", "1"), ("right", "1")))
     found = drivetrain_of(body, "differential_drive")
-    assert found.first == Signal((0,), False, "") and found.followed == {}
+    assert found.first == Signal((0,), False) and found.followed == {}
     assert drivetrain_of(SKID, "rotation_centres").followed == {1: 0, 2: 1}
     columns = (("v", "V"), ("w", "W"), *SKID.columns)  # a voltage is no speed
     found = drivetrain_of(replace(SKID, columns=columns), "rotation_centres")

@@ -1,5 +1,7 @@
 """Least squares, boosted trees and Gaussian processes, of one robot or of two."""
 
+import importlib.util
+
 import numpy as np
 import pytest
 import torch
@@ -9,8 +11,8 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from ownrobot.fitting.learning import learn, network_for, refuse_method
 from ownrobot.fitting.settings import SETTINGS
-from ownrobot.methods import boosting, gaussian_fitting, least_squares, trivial
-from ownrobot.methods.gaussian_fitting import Samples, condition
+from ownrobot.methods import gaussian_process, least_squares, trivial
+from ownrobot.methods.gaussian_process import condition
 from ownrobot.methods.map_features import NAMES, map_features
 from ownrobot.methods.registry import METHODS
 from ownrobot.methods.trees import Forest
@@ -49,7 +51,7 @@ def motion(
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
     """A smooth law without much noise needs few for its kernels."""
-    monkeypatch.setattr(gaussian_fitting, "KERNEL_SAMPLES", 150)
+    monkeypatch.setattr(gaussian_process, "KERNEL_SAMPLES", 150)
 
 
 @pytest.fixture
@@ -92,7 +94,7 @@ def test_processes_as_tensors_predict_what_scikit_learn_predicts(rng):
         for c, length in zip((2.0, 0.5), lengths, strict=True)
     ]
     mean, std = x.mean(0), x.std(0)
-    posterior = condition(Samples(x, y), [*kernels, None], (mean, std))
+    posterior = condition((x, y), [*kernels, None], (mean, std))
     fresh = np.vstack([rng.normal(5, 2, (600, 3)), [[1e9, -1e9, 0.0]]])
     predicted = posterior.predict(torch.from_numpy(fresh))
     for component, kernel in enumerate(kernels):
@@ -196,7 +198,7 @@ def test_what_needs_an_expert_of_one_body_or_a_library_is_one_line(monkeypatch):
     ):
         with pytest.raises(ConfigError, match=words):
             refuse_method(method, CART, expert)
-    monkeypatch.setattr(boosting.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r'pip install "sidm\[trees\]"'):
         refuse_method("gp", CART, None)
 
@@ -222,9 +224,6 @@ def test_the_weights_and_the_loss_are_those_of_ridge_regression(rng):
     assert np.allclose(weights.numpy(), expected, atol=1e-10)
     loss = np.square(left - rows @ expected).sum(1).mean()
     assert made.loss(weights) == pytest.approx(loss)
-    both = made.plus(made)
-    assert both.steps == 100
-    assert both.without(made).loss(weights) == pytest.approx(loss)
 
 
 def test_a_linear_law_is_found(many):
