@@ -42,10 +42,9 @@ class Dataset:
 
 
 def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]:
-    """The four datasets of one system.
+    """The four datasets of one system: 'novice' (the pool), 'expert' and two to judge.
 
-    Returns:
-        'novice' (the pool), 'expert', 'validation' and 'rollout'.
+    These are 'validation' and 'rollout'. `sizes` is a preset or a trial.
     """
 
     def dataset(role: str, seed: int, count: int, policy: str) -> Dataset:
@@ -53,14 +52,13 @@ def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]
         collection = Collection(system=system, role=role, policy=policy, seed=seed)
         return Dataset(collection=collection, count=count)
 
-    pool, expert, validation = (
-        trajectories_for(minutes)
-        for minutes in (pool_minutes, sizes.expert_minutes, sizes.validation_minutes)
-    )
+    policy, pool = sizes.policy, trajectories_for(pool_minutes)
+    expert = trajectories_for(sizes.expert_minutes)
+    validation = trajectories_for(sizes.validation_minutes)
     return {
-        "novice": dataset("novice", POOL_SEED, pool, sizes.policy),
-        "expert": dataset("expert", EXPERT_SEED, expert, sizes.policy),
-        "validation": dataset("novice", VALIDATION_SEED, validation, sizes.policy),
+        "novice": dataset("novice", POOL_SEED, pool, policy),
+        "expert": dataset("expert", EXPERT_SEED, expert, policy),
+        "validation": dataset("novice", VALIDATION_SEED, validation, policy),
         "rollout": dataset("novice", ROLLOUT_SEED, sizes.rollouts, "held"),
     }
 
@@ -171,11 +169,7 @@ class Trial:
 
     @property
     def drawn(self) -> tuple[np.ndarray, np.ndarray]:
-        """The trajectories of the novice's pool to train on and to test on.
-
-        Returns:
-            Indices (n,) and (m,), see `sidm.shards.novice_split`.
-        """
+        """Indices (n,) and (m,) in the novice's pool, to train on and to test on."""
         pool = self.datasets["novice"].count
         return novice_split(pool, self.novice_minutes, self.seed)
 

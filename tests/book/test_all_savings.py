@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from companion import Results, Study
-from companion.grids import grid
+from companion.registry import grid
 from companion.pages import all_savings
 from companion.statistics import claims
 from companion.studies.decisive import verdicts

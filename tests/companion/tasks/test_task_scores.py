@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from companion.tasks.intervals import mean_of
 from scipy import stats
 
 from companion.statistics.intervals import holm
 from companion.tasks.catalogue import Task
 from companion.tasks.figure import figure
-from companion.tasks.intervals import mean_of
 from companion.tasks.page import write_page
 from companion.tasks.scores import (
     data_ratio,

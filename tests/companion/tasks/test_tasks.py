@@ -8,12 +8,12 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pandas as pd
 import pytest
+from companion.tasks.cards import card
 
 from companion.__main__ import main
 from companion.numerics import NUMERICS, versions
 from companion.tasks import catalogue
 from companion.tasks import run as run_module
-from companion.tasks.cards import card
 from companion.tasks.catalogue import GROUPS, TASKS, find_tasks, load_task
 from companion.tasks.methods import LibraryMethod, find_method
 from companion.tasks.run import check, newest, records, run

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from companion.engine.datasets import collect_dataset, digest_of
-from companion.engine.known_motion import Known, compare, note, read
-from companion.engine.likeness import Likeness
+from companion.engine.known_motion import Known, Likeness, compare, note, read
 from companion.trials import Dataset
 from sidm.config import replace
 from sidm.shards import SHARD_SIZE, Collection
