@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import hashlib
 import json
@@ -10,7 +9,14 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 from companion.training import StudyTraining
-from sidm.config import ConfigError, check_numbers, config, to_mapping
+from sidm.config import (
+    ConfigError,
+    check_at_least,
+    check_numbers,
+    config,
+    replace,
+    to_mapping,
+)
 from sidm.settings import Network
 from sidm.shards import Collection, novice_split, trajectories_for
 from sidm.systems import find_system
@@ -133,8 +139,7 @@ class Trial:
                 "Trial.novice_minutes must be above 0 and at most pool_minutes "
                 f"({self.pool_minutes:g}), not {self.novice_minutes:g}"
             )
-        if self.rollouts < 1:
-            raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
+        check_at_least(self, 1, "rollouts")
         pretrains = self.pretraining is not None
         if self.pretraining is not None and self.pretraining.needs_expert:
             raise ConfigError(
@@ -190,7 +195,7 @@ class Trial:
 
     def replace(self, **changes: Any) -> Trial:
         """A trial with some values changed, which is checked like any trial."""
-        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+        return replace(self, **changes)
 
     def to_json(self) -> dict[str, Any]:
         """All values as plain nested mappings, see `without_later`."""

@@ -99,9 +99,6 @@ def collect_motion(
 
     Returns:
         Name of each dataset -> digest of what was needed of it.
-
-    Raises:
-        ImportError: PyBullet is not installed; the message is one line.
     """
     workers = workers or os.cpu_count() or 1
     pool = contextlib.nullcontext(executor) if executor else local_pool(workers)

@@ -54,7 +54,9 @@ def run(
 ) -> Results:
     """Run the trials that are missing, and store each as soon as it is done.
 
-    A row of older versions of the numbers is made again, and replaced.
+    A row of older versions of the numbers is made again, and replaced. Trials that
+    failed are reported on stderr and are still `missing` in the store that is returned;
+    trials whose training failed with the current code are not run again.
 
     Args:
         trials: in the order in which they are started; each is run once.
@@ -72,14 +74,8 @@ def run(
         seconds: after which a bundle writes its trials' states and ends; the next call
             goes on.
 
-    Returns:
-        The store. Trials that failed are reported on stderr and are still `missing`
-        there; trials whose training failed with the current code are not run again.
-
     Raises:
-        ConfigError: a trial's motion is not on disk, `workers` is below 1, `bundle`
-            below 0, a bundle meant for an executor, or `seconds` for trials without a
-            bundle.
+        ConfigError: a trial's motion is not on disk, or arguments do not go together.
         OtherMotion: the motion differs, by more than rounding, from that which the
             stored results were made with.
     """

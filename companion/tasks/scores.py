@@ -146,10 +146,9 @@ def mean_ratio(
     value: str = "loss",
     other: str = REFERENCE,
 ) -> Interval:
-    """A method's loss or error divided by another's, geometric mean over tasks.
+    """A method's loss or error divided by another's; NaN without results of both.
 
-    Returns:
-        The mean with its interval; NaN without results of both.
+    It is the geometric mean over tasks, with its interval.
     """
     logs = log_ratios(frame[frame.task.isin([*tasks])], value)
     logs = logs.reindex(columns=[method, other])
@@ -191,10 +190,8 @@ def scores_by_group(
 ) -> pd.DataFrame:
     """Scores over groups of tasks: a row for each method, a column for each group.
 
+    They are intervals; None for a method without a score on one of the group's tasks.
     The best method of the first group is first, one without a score there last.
-
-    Returns:
-        Intervals; None for a method without a score on one of the group's tasks.
     """
     columns = {}
     for name, tasks in groups.items():

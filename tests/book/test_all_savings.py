@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from companion import Results, Study
-from companion.registry import grid
 from companion.pages import all_savings
+from companion.registry import grid
 from companion.statistics import claims
 from companion.studies.decisive import verdicts
 from ownrobot.comparison.statistics import Interval
