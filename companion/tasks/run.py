@@ -63,7 +63,7 @@ def run(
     for task in dict.fromkeys(entry.task for entry in missing):
         # motion is simulated once, outside the limit of a trial
         load_task(task, 0, data, workers=workers, progress=progress)
-    where = {"data": data, "limit": limit, "folder": Path.cwd()}
+    where: dict[str, Any] = {"data": data, "limit": limit, "folder": Path.cwd()}
     work = functools.partial(_one, names=wanted, **where)
     own = None if executor else ThreadPoolExecutor(workers)
     try:
