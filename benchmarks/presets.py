@@ -3,8 +3,7 @@
 `python benchmarks/presets.py` takes six minutes; the preset `paper` takes nearly all of
 this time and 8 GB of memory. The script times collection and training for a while. From
 these rates it computes the hours of Figure 3 if every training went on to its cap of
-samples: an upper bound, since most trainings stop early. The module `companion.grids`
-sums the times that the stored trials really took.
+samples: an upper bound, since most trainings stop early.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from simulation import collecting
 from work import random_data
 
 from companion.engine.provenance import peak_memory
-from companion.grids import grid
 from companion.pages.markdown import markdown_table
 from companion.presets import PRESETS, Preset, load_preset
+from companion.registry import grid
 from sidm.drives import STEPS
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import (

@@ -8,7 +8,7 @@ from sidm.lazy import public
 
 #: Module -> its public names.
 _MODULES = {
-    "companion.grids": "FIGURES grid",
+    "companion.registry": "FIGURES grid",
     "companion.methods": "METHODS",
     "companion.presets": "PRESETS Preset load_preset",
     "companion.trials": "Dataset Trial",

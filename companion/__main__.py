@@ -7,14 +7,9 @@ import functools
 import sys
 from collections.abc import Sequence
 
-from companion.commands import (
-    run_collect,
-    run_merge,
-    run_run,
-    run_show,
-    run_train,
-)
+from companion import commands
 from companion.pages import notebook_command
+from companion.registry import NAMES
 from companion.tasks import command as bench_command
 from ownrobot.command_line import Parser, carry_out, command_adder, whole_number
 from sidm import __version__
@@ -25,161 +20,86 @@ DESCRIPTION = (
     "What the book measures. Exit status: 0; 1 when something failed or is still "
     "missing; 2 for arguments that cannot be used."
 )
-
-#: The names of `grids` and `registry`, whose import would bring pandas.
-_FIGURES = (
-    "decisive, duration, 3, references, 4, tuning, little-data, choices, released, "
-    "baselines, variants, p-expert, iterations, pixels, patience, other-bodies, "
-    "free-struts, network-size, corrected-claim, most-data, latent-space, adversary, "
-    "recorded-targets, driving, uncertainty, several-experts, real-robots, gap, "
-    "overlap, untrained-latents, payoff, tree-search, throughput, coverage, explorer "
-    "or all"
-)
-_PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
-SEED = functools.partial(whole_number, least=0)
+PAIRS = (*SYSTEMS, *FREE_SYSTEMS, *FAMILY_PAIRS)
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = Parser(prog="companion", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
-    command = command_adder(
-        parser,
-        ("collect", "train", "run", "show", "merge", "bench", "notebook"),
-    )
-    collect = command(
-        "collect",
-        run_collect,
-        "Simulate the data that a preset lacks; what is on disk is kept.",
-    )
+    names = ("collect", "train", "run", "show", "merge", "bench", "notebook")
+    command = command_adder(parser, names)
+
+    text = "Simulate the data that a preset lacks; what is on disk is kept."
+    collect = command("collect", commands.run_collect, text)
     _add_preset(collect)
     text = "only what this one's trials need, also by size and seed; names as of run"
     _add_grid(collect, text, default=None)
     _add_steps(collect)
-    collect.add_argument(
-        "--verify",
-        action="store_true",
-        help="hold the data against those of the results: what differs by rounding "
-        "alone stands for them",
-    )
-    collect.add_argument(
-        "--workers",
-        type=whole_number,
-        metavar="N",
-        help="processes; all cores unless given",
-    )
+    text = "hold the data against those of the results: what differs by rounding "
+    text += "alone stands for them"
+    collect.add_argument("--verify", action="store_true", help=text)
+    text = "processes; all cores unless given"
+    collect.add_argument("--workers", type=whole_number, metavar="N", help=text)
     _add_dask(collect)
 
-    train = command(
-        "train",
-        run_train,
-        "Run one trial and store its result; goes on from its checkpoint.",
-    )
+    text = "Run one trial and store its result; goes on from its checkpoint."
+    train = command("train", commands.run_train, text)
     _add_preset(train)
-    train.add_argument(
-        "--system", required=True, choices=_PAIRS, help="the pair of robots"
-    )
-    train.add_argument(
-        "--method", default="sidm", help="sidm, novice_only, ... (%(default)s)"
-    )
-    train.add_argument(
-        "--minutes", type=float, required=True, help="novice data, minutes of motion"
-    )
-    train.add_argument(
-        "--seed",
-        type=SEED,
-        default=0,
-        help="of the novice subset, the weights and the batches (%(default)s)",
-    )
+    add = train.add_argument
+    add("--system", required=True, choices=PAIRS, help="the pair of robots")
+    add("--method", default="sidm", help="sidm, novice_only, ... (%(default)s)")
+    text = "novice data, minutes of motion"
+    add("--minutes", type=float, required=True, help=text)
+    seed = functools.partial(whole_number, least=0)
+    text = "of the novice subset, the weights and the batches (%(default)s)"
+    add("--seed", type=seed, default=0, help=text)
+    _add_device(train)
 
-    run = command(
-        "run",
-        run_run,
-        "Run the trials of a figure that are not stored; can be stopped and goes on.",
-    )
+    text = "Run the trials of a figure that are not stored; can be stopped and goes on."
+    run = command("run", commands.run_run, text)
     _add_preset(run)
     _add_grid(run)
     _add_steps(run)
-    _add_workers(run)
-    run.add_argument(
-        "--bundle",
-        type=whole_number,
-        default=0,
-        metavar="N",
-        help="train N trials side by side on the device, instead of in processes",
-    )
+    add = run.add_argument
+    text = "processes of one thread each (%(default)s)"
+    add("--workers", type=whole_number, default=2, metavar="N", help=text)
+    text = "train N trials side by side on the device, instead of in processes"
+    add("--bundle", type=whole_number, default=0, metavar="N", help=text)
     _add_dask(run)
-    run.add_argument(
-        "--here", action="store_true", help="only trials whose data lie under --data"
-    )
-    run.add_argument(
-        "--seconds",
-        type=whole_number,
-        metavar="N",
-        help="stop a bundle after so long; the same command goes on",
-    )
+    text = "only trials whose data lie under --data"
+    add("--here", action="store_true", help=text)
+    text = "stop a bundle after so long; the same command goes on"
+    add("--seconds", type=whole_number, metavar="N", help=text)
+    _add_device(run)
 
-    for trainer in (train, run):
-        trainer.add_argument(
-            "--device",
-            type=_device,
-            default="cpu",
-            help="where to compute, cpu or cuda (%(default)s)",
-        )
-
-    show = command(
-        "show", run_show, "List what is stored, stale (made by older code) and missing."
-    )
+    text = "List what is stored, stale (made by older code) and missing."
+    show = command("show", commands.run_show, text)
     _add_preset(show)
     _add_grid(show)
-    show.add_argument(
-        "--csv",
-        metavar="FILE",
-        help="write the stored ones there as a table, a line a trial",
-    )
-    show.add_argument(
-        "--against",
-        metavar="DIR",
-        help="other results: how the losses differ where both have a point",
-    )
+    text = "write the stored ones there as a table, a line a trial"
+    show.add_argument("--csv", metavar="FILE", help=text)
+    text = "other results: how the losses differ where both have a point"
+    show.add_argument("--against", metavar="DIR", help=text)
 
-    merge = command(
-        "merge",
-        run_merge,
-        "Take in the results of another store, such as one that was filled elsewhere.",
+    text = (
+        "Take in the results of another store, such as one that was filled elsewhere."
     )
+    merge = command("merge", commands.run_merge, text)
     merge.add_argument("other", metavar="DIR", help="its folder")
-    merge.add_argument(
-        "--results",
-        default="results",
-        metavar="DIR",
-        help="the store that takes it in (%(default)s)",
-    )
+    _add_folder(merge, "results", "the store that takes it in")
 
-    bench_command.add_arguments(
-        command(
-            "bench",
-            bench_command.run_bench,
-            "Run methods, yours among them, on the benchmark's tasks; print the table.",
-        )
-    )
-    notebook_command.add_arguments(
-        command(
-            "notebook",
-            notebook_command.run_from_arguments,
-            "Run a notebook with checked parameters.",
-        )
-    )
+    text = "Run methods, yours among them, on the benchmark's tasks; print the table."
+    bench_command.add_arguments(command("bench", bench_command.run_bench, text))
+    text = "Run a notebook with checked parameters."
+    run_notebook = notebook_command.run_from_arguments
+    notebook_command.add_arguments(command("notebook", run_notebook, text))
     return parser
 
 
 def _add_preset(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--preset",
-        default="laptop",
-        metavar="NAME",
-        help="smoke, laptop, study, released or paper (%(default)s)",
-    )
+    text = "smoke, laptop, study, released or paper (%(default)s)"
+    parser.add_argument("--preset", default="laptop", metavar="NAME", help=text)
     parser.add_argument(
         "--set",
         action="append",
@@ -189,70 +109,43 @@ def _add_preset(parser: argparse.ArgumentParser) -> None:
         help="change one value of the preset, e.g. seeds=5 or pixels=64; may be given "
         "again",
     )
-    parser.add_argument(
-        "--data",
-        default="data",
-        metavar="DIR",
-        help="trajectories and checkpoints (%(default)s)",
-    )
-    parser.add_argument(
-        "--results",
-        default="results",
-        metavar="DIR",
-        help="the results store (%(default)s)",
-    )
+    _add_folder(parser, "data", "trajectories and checkpoints")
+    _add_folder(parser, "results", "the results store")
 
 
-def _add_workers(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--workers",
-        type=whole_number,
-        default=2,
-        metavar="N",
-        help="processes of one thread each (%(default)s)",
-    )
-
-
-def _add_dask(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help="work on a Dask cluster instead: its scheduler, tcp://HOST:PORT or a "
-        "scheduler file",
-    )
-
-
-def _add_system(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--system",
-        choices=_PAIRS,
-        help="only this one; all that are asked for unless given",
-    )
+def _add_folder(parser: argparse.ArgumentParser, name: str, text: str) -> None:
+    text = f"{text} (%(default)s)"
+    parser.add_argument(f"--{name}", default=name, metavar="DIR", help=text)
 
 
 def _add_grid(
     parser: argparse.ArgumentParser,
-    text: str = f"{_FIGURES} (%(default)s)",
+    text: str = f"{', '.join(NAMES)} or all (%(default)s)",
     default: str | None = "3",
 ) -> None:
-    _add_system(parser)
-    parser.add_argument("--figure", default=default, help=text)
-    parser.add_argument(
-        "--minutes",
-        type=float,
-        nargs="+",
-        help="only these novice dataset sizes, minutes of motion",
-    )
-    parser.add_argument("--seeds", type=int, nargs="+", help="only these seeds")
+    add = parser.add_argument
+    all_pairs = "only this one; all that are asked for unless given"
+    add("--system", choices=PAIRS, help=all_pairs)
+    add("--figure", default=default, help=text)
+    sizes = "only these novice dataset sizes, minutes of motion"
+    add("--minutes", type=float, nargs="+", help=sizes)
+    add("--seeds", type=int, nargs="+", help="only these seeds")
 
 
 def _add_steps(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--steps",
-        nargs="+",
-        metavar="STEP",
-        help="only these steps of the figure decisive, such as A1",
-    )
+    text = "only these steps of the figure decisive, such as A1"
+    parser.add_argument("--steps", nargs="+", metavar="STEP", help=text)
+
+
+def _add_dask(parser: argparse.ArgumentParser) -> None:
+    text = "work on a Dask cluster instead: its scheduler, tcp://HOST:PORT or a "
+    text += "scheduler file"
+    parser.add_argument("--dask", metavar="ADDRESS", help=text)
+
+
+def _add_device(parser: argparse.ArgumentParser) -> None:
+    text = "where to compute, cpu or cuda (%(default)s)"
+    parser.add_argument("--device", type=_device, default="cpu", help=text)
 
 
 def _device(name: str) -> str:
@@ -269,13 +162,9 @@ def _device(name: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Carry out a command line; errors are one line on stderr.
+    """Carry out a command line, by default that of the process; give the exit status.
 
-    Args:
-        arguments: the command and its options; by default those of the process.
-
-    Returns:
-        The exit status.
+    Errors are one line on stderr.
     """
     return carry_out(build_parser(), arguments)
 

@@ -21,13 +21,9 @@ RETRIES = 10  # times that a task is repeated because its worker was lost
 def executor_at(address: str | None) -> Iterator[Executor | None]:
     """An executor on a Dask cluster, closed at the end of the block; None for None.
 
-    Args:
-        address: of the cluster's scheduler, 'tcp://HOST:PORT' or the path of a
-            scheduler file.
-
-    Raises:
-        ImportError: Dask is not installed; the message is one line.
-        OSError: no scheduler answers at the address; the message is one line.
+    The address is that of the cluster's scheduler, 'tcp://HOST:PORT', or the path of a
+    scheduler file. Without Dask it raises ImportError, where no scheduler answers
+    OSError, each of one line.
     """
     if address is None:
         yield None

@@ -11,6 +11,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from companion import registry
 from companion.cluster import executor_at
 from sidm.config import ConfigError, parse_changes
 from sidm.systems import SYSTEMS
@@ -23,11 +24,16 @@ def _preset(arguments: argparse.Namespace):
     return load_preset(arguments.preset, **parse_changes(arguments.changes))
 
 
+def _study(arguments: argparse.Namespace):
+    """The study of the preset, with the folders of --data and --results."""
+    from companion import Study
+
+    return Study(_preset(arguments), arguments.data, arguments.results)
+
+
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:
     """The trials that --figure, --system, --minutes, --seeds and --steps name."""
-    from companion import grid
-
-    return grid(
+    return registry.grid(
         preset,
         figure=arguments.figure,
         system=arguments.system,
@@ -39,91 +45,78 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
     )
 
 
-def _motion(arguments: argparse.Namespace, preset: Any) -> dict:
-    """The motion that `collect` is to make: indices of each dataset's trajectories."""
-    from companion.engine.datasets import all_datasets
-    from companion.trials import motion_of
-
-    if arguments.figure:
-        return motion_of(_trials(arguments, preset))
-    if arguments.minutes or arguments.seeds:
-        raise ConfigError("--minutes and --seeds are of a figure: name one, --figure 3")
-    return all_datasets(preset, [arguments.system] if arguments.system else SYSTEMS)
-
-
 def run_collect(arguments: argparse.Namespace) -> int:
     """Simulate datasets; print each dataset's name and digest.
 
-    Returns:
-        1 if --verify is given and a dataset is not the one of the results; else 0.
+    With --verify, print whether whole datasets are those of the results; the exit
+    status is 1 if one is not.
     """
-    from companion.engine.datasets import collect_motion
+    from companion.engine.datasets import all_datasets, collect_motion
+    from companion.engine.known_motion import compare, read
+    from companion.trials import motion_of
 
-    needed = _motion(arguments, _preset(arguments))
-    folders = arguments.data, arguments.results
+    preset, data, results = _preset(arguments), arguments.data, arguments.results
+    if arguments.figure:
+        needed: dict = motion_of(_trials(arguments, preset))
+    elif arguments.minutes or arguments.seeds:
+        raise ConfigError("--minutes and --seeds are of a figure: name one, --figure 3")
+    else:
+        systems = [arguments.system] if arguments.system else SYSTEMS
+        needed = all_datasets(preset, systems)
     with executor_at(arguments.dask) as executor:
-        digests = collect_motion(needed, folders[0], arguments.workers, executor)
+        digests = collect_motion(needed, data, arguments.workers, executor)
+    whole = {dataset: len(which) == dataset.count for dataset, which in needed.items()}
     for dataset, which in needed.items():
         part = f", {len(which)} of {dataset.count} trajectories"
-        whole = len(which) == dataset.count
-        print(f"{dataset.name}{'' if whole else part}: {digests[dataset.name]}")
-    return _verify(needed, *folders) if arguments.verify else 0
-
-
-def _verify(needed: dict, data: str, results: str) -> int:
-    """Print whether whole datasets are those of the results; 1 if one is not."""
-    from companion.engine.known_motion import compare, read
-
-    different = 0
-    for dataset, which in needed.items():
-        if len(which) < dataset.count:
-            print(f"{dataset.name}: not compared, since part of it is here")
+        name = f"{dataset.name}{'' if whole[dataset] else part}"
+        print(f"{name}: {digests[dataset.name]}")
+    if not arguments.verify:
+        return 0
+    different = False
+    for dataset in needed:
+        if not whole[dataset]:
+            verdict = "not compared, since part of it is here"
         elif dataset.name not in read(results):
-            print(f"{dataset.name}: not compared, since no results are made with it")
+            verdict = "not compared, since no results are made with it"
         else:
             differences = compare(dataset, data, results)
-            different += bool(differences)
+            different |= bool(differences)
             verdict = "; ".join(differences) or "stands for the data of the results"
-            print(f"{dataset.name}: {verdict}")
-    return int(different > 0)
+        print(f"{dataset.name}: {verdict}")
+    return int(different)
 
 
 def run_train(arguments: argparse.Namespace) -> int:
     """Run one trial; print the file of its result and its validation loss."""
-    from companion import Results, Study
+    from companion import Results
     from companion.engine.run import run_here
 
-    trial = Study(_preset(arguments), arguments.data, arguments.results).trial(
+    trial = _study(arguments).trial(
         arguments.system, arguments.method, arguments.minutes, arguments.seed
     )
     store = Results(arguments.results)
     row = run_here(trial, arguments.data, store, device=arguments.device)
-    print(f"{store.lines.path}: validation loss {row.outcome.validation_loss:.6g}")
+    print(f"{store.path}: validation loss {row.outcome.validation_loss:.6g}")
     return 0
 
 
 def run_run(arguments: argparse.Namespace) -> int:
     """Run what is missing of a figure; print how much is stored.
 
-    Returns:
-        1 if something is still missing at the end; else 0.
+    The exit status is 1 if something is still missing at the end.
     """
-    from companion import Results, registry, run
-    from companion.engine.datasets import is_here
-    from companion.trials import motion_of
+    from companion import Results, run
+    from companion.engine.datasets import missing_motion
 
-    if not registry.is_grid(arguments.figure):
-        return _run_study(arguments)
+    entry = registry.find(arguments.figure)
+    if entry is not None:
+        missing = entry.run(_study(arguments), arguments.system, arguments.workers)
+        print(f"missing: {missing}")
+        return int(missing > 0)
     trials = _trials(arguments, _preset(arguments))
     if arguments.here:
-        trials = [
-            trial
-            for trial in trials
-            if all(
-                is_here(dataset, arguments.data, which)
-                for dataset, which in motion_of([trial]).items()
-            )
-        ]
+        data = arguments.data
+        trials = [trial for trial in trials if not any(missing_motion([trial], data))]
     store = Results(arguments.results)
     with executor_at(arguments.dask) as executor:
         run(
@@ -138,23 +131,13 @@ def run_run(arguments: argparse.Namespace) -> int:
         )
     missing = len(store.missing(trials))
     print(f"{len(trials) - missing} of {len(trials)} trials stored")
-    return 1 if missing else 0
-
-
-def _run_study(arguments: argparse.Namespace) -> int:
-    """Run a study or a measurement, whose results are not trials."""
-    from companion import Study, registry
-
-    study = Study(_preset(arguments), arguments.data, arguments.results)
-    entry = registry.find(arguments.figure)
-    missing = entry.run(study, arguments.system, arguments.workers)
-    print(f"missing: {len(missing)}")
-    return 1 if missing else 0
+    return int(missing > 0)
 
 
 def run_show(arguments: argparse.Namespace) -> int:
     """Print what is stored of a figure, a line per point; last line 'missing: N'."""
-    from companion import Results, Study, registry
+    from companion import Results
+    from companion.engine.frame import numbers_and_words
     from companion.statistics.tables import overview
     from companion.studies.decisive.design import overview_by_step
 
@@ -164,14 +147,13 @@ def run_show(arguments: argparse.Namespace) -> int:
     store = Results(folder)
     if arguments.against:
         return _show_against(Results(arguments.against), store)
-    preset = _preset(arguments)
-    study = Study(preset, arguments.data, folder)
-    if not registry.is_grid(arguments.figure):
-        entry = registry.find(arguments.figure)
+    study = _study(arguments)
+    entry = registry.find(arguments.figure)
+    if entry is not None:
         lines, missing = entry.overview(study, arguments.system)
         print("\n".join([*lines, f"missing: {missing}"]))
         return 0
-    trials = _trials(arguments, preset)
+    trials = _trials(arguments, study.preset)
     words = " ".join([arguments.preset, *arguments.changes])
     print(f"preset {words}, figure {arguments.figure}: {len(trials)} trials")
     if arguments.figure == "decisive":
@@ -182,8 +164,6 @@ def run_show(arguments: argparse.Namespace) -> int:
     for failure in store.failures(trials):
         print(f"note: {failure}")
     if arguments.csv:
-        from companion.engine.frame import numbers_and_words
-
         numbers_and_words(store.frame(trials)).to_csv(arguments.csv)
         print(f"table: {arguments.csv}")
     print(f"missing: {len(store.missing(trials)) + unknown}")

@@ -6,7 +6,6 @@ notebooks.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Iterable
 from typing import Any, Literal
@@ -117,22 +116,6 @@ class Preset:
     def __post_init__(self) -> None:
         """Refuse values that no study can have."""
         check_numbers(self)
-        self._check_pools()
-        for name, value in vars(self).items():
-            self._check_range(name, value)
-        set_by_method = {"p_expert", "regularise"}
-        fields = dataclasses.fields(StudyTraining)  # type: ignore[arg-type]
-        settings = {field.name for field in fields} - set_by_method
-        for _, setting, _ in self.tuned:
-            if setting not in settings:
-                raise unknown_name(setting, settings, kind="tuned setting")
-        if self.policy not in POLICIES:
-            raise unknown_name(self.policy, POLICIES, kind="exploration policy")
-        if self.rollouts < 1:
-            raise ConfigError(f"rollouts must be at least 1, not {self.rollouts}")
-
-    def _check_pools(self) -> None:
-        """Refuse sizes of Figure 3 that are larger than the pools."""
         for system in ("system1", "system2"):
             most = max(self.novice_minutes(system), default=0)
             pool = self.pool_minutes(system)
@@ -141,6 +124,16 @@ class Preset:
                     f"novice_minutes_{system} asks for {most:g}, "
                     f"but pool_minutes_{system} is {pool:g}"
                 )
+        for name, value in vars(self).items():
+            self._check_range(name, value)
+        settings = vars(self.training).keys() - {"p_expert", "regularise"}
+        for _, setting, _ in self.tuned:
+            if setting not in settings:
+                raise unknown_name(setting, settings, kind="tuned setting")
+        if self.policy not in POLICIES:
+            raise unknown_name(self.policy, POLICIES, kind="exploration policy")
+        if self.rollouts < 1:
+            raise ConfigError(f"rollouts must be at least 1, not {self.rollouts}")
 
     @staticmethod
     def _check_range(name: str, value: Any) -> None:
@@ -190,19 +183,11 @@ class Preset:
         return method.pretraining(self.training, self.tuned_values("pretraining"))
 
     def tuned_values(self, method: str) -> dict[str, Any]:
-        """The settings of training that a method was tuned to, by name.
-
-        Args:
-            method: its name, or 'pretraining' for training on the expert alone.
-        """
+        """The settings that a method, or 'pretraining', was tuned to, by name."""
         return {setting: value for name, setting, value in self.tuned if name == method}
 
     def datasets(self, system: str) -> dict[str, Dataset]:
-        """The datasets that all trials of a system share.
-
-        Returns:
-            'novice' (the pool), 'expert', 'validation' and 'rollout'.
-        """
+        """The datasets that all trials of a system share, see `trials.datasets`."""
         return datasets(self, system, self.pool_minutes(system))
 
     def with_motion(
@@ -239,32 +224,25 @@ class Preset:
     def replace(self, **changes: Any) -> Preset:
         """This preset with some values changed.
 
-        A changed value of the training holds for every method, also for a method that
-        was tuned to another value.
-
-        Args:
-            **changes: values of the preset, of its network or of its training, each by
-                its field's name. `p_expert` and `regularise` are not known here,
-                because each method sets them.
+        The changes are values of the preset, of its network or of its training, each by
+        its field's name; `p_expert` and `regularise` are not among them, since each
+        method sets them. A changed value of the training holds for every method, also
+        for one that was tuned to another value.
         """
-        values = dict(vars(self))
-        values["tuned"] = tuple(row for row in self.tuned if row[1] not in changes)
-        parts = {
-            "network": dict(vars(self.network)),
-            "training": dict(vars(self.training)),
-        }
-        hidden = {"name", "p_expert", "regularise", *parts}
-        group_of: dict[str, dict[str, Any]] = {}  # values to change, by field
-        for group in (values, *parts.values()):
-            for name in (field for field in group if field not in hidden):
-                group_of.setdefault(name, group)
-        for name, value in changes.items():
-            if name not in group_of:
-                raise unknown_name(name, group_of, "a preset")
-            group_of[name][name] = value
-        values["network"] = Network(**parts["network"])
-        values["training"] = StudyTraining(**parts["training"])
-        return Preset(**values)
+        hidden = ("name", "p_expert", "regularise", "network", "training")
+        parts = [vars(part) for part in (self, self.network, self.training)]
+        known = [name for part in parts for name in part if name not in hidden]
+        for name in changes:
+            if name not in known:
+                raise unknown_name(name, known, "a preset")
+        own, network, training = (
+            {name: value for name, value in changes.items() if name in part}
+            for part in parts
+        )
+        own["network"] = replace(self.network, **network)
+        own["training"] = replace(self.training, **training)
+        kept = tuple(row for row in self.tuned if row[1] not in changes)
+        return replace(self, **{"tuned": kept} | own)
 
 
 _PAPER_SIZES: dict[str, Any] = dict(

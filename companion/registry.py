@@ -1,6 +1,6 @@
-"""What can be run and shown, by the name that the option `--figure` takes.
+"""What `companion run` and `companion show` know, by the name that `--figure` takes.
 
-- A grid (`grids.FIGURES`) has trials as its results.
+- A grid has trials as its results.
 - A study has records. Its module has `jobs`, `measure` and `records`.
 - A measurement has one file. Its module has `make`.
 
@@ -11,18 +11,32 @@ from __future__ import annotations
 
 import functools
 import importlib
+import importlib.util
+import pkgutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from companion.grids import FIGURES, FORMER, find_figure
 from companion.numerics import versions
-from companion.study import Study
-from companion.trials import Dataset, Trial, motion_of
 from sidm.config import ConfigError, unknown_name
 from sidm.pool import local_pool
-from sidm.storage import Damaged, read_record
-from sidm.systems import SYSTEMS
+from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, PAPER_SYSTEMS, SYSTEMS, find_system
+
+if TYPE_CHECKING:
+    from companion.presets import Preset
+    from companion.study import Study
+    from companion.trials import Dataset, Trial
+
+
+class Figure(NamedTuple):
+    """A grid of trials: the function that makes them, and its pairs of robots."""
+
+    function: str  # of a study and a pair; its name inside the package
+    pairs: tuple[str, ...] = tuple(SYSTEMS)
+
+    def trials(self, study: Study, pair: str) -> list[Trial]:
+        """The trials of one pair of robots."""
+        return pkgutil.resolve_name(f"companion.{self.function}")(study, pair)
 
 
 class RecordStudy(NamedTuple):
@@ -40,13 +54,6 @@ class RecordStudy(NamedTuple):
         """
         return importlib.import_module(f"companion.studies.{self.name}.measure")
 
-    def motion(self, job: Any) -> dict[Dataset, Sequence[int]]:
-        """The motion that a job needs: indices of trajectories of each dataset."""
-        if hasattr(self.module, "motion"):
-            return self.module.motion(job)
-        trial = job if isinstance(job, Trial) else getattr(job, "trial", None)
-        return {**motion_of([trial] if trial else [])}
-
     def jobs(self, study: Study, pair: str | None) -> dict[str, list[Any]]:
         """The jobs by pair of robots; of all pairs for None."""
         if pair is not None and pair not in self.pairs:
@@ -55,31 +62,13 @@ class RecordStudy(NamedTuple):
         asked = self.pairs if pair is None else (pair,)
         return {one: list(self.module.jobs(study, one)) for one in asked}
 
-    def run(self, study: Study, pair: str | None, workers: int) -> list[str]:
-        """Measure what is missing; what is missing then, a line for each job."""
+    def run(self, study: Study, pair: str | None, workers: int) -> int:
+        """Measure what is missing; how many jobs are missing then."""
+        jobs = sum(self.jobs(study, pair).values(), [])
+        run_jobs(self.name, jobs, workers, study.data, study.results)
         # several pairs may share a job
-        jobs = list(dict.fromkeys(sum(self.jobs(study, pair).values(), [])))
-        self.run_jobs(jobs, workers, study.data, study.results)
-        return list(map(str, self.module.records(study.results).missing(jobs)))
-
-    def run_jobs(
-        self, jobs: Iterable[Any], workers: int, data: str | Path, results: str | Path
-    ) -> None:
-        """Simulate the motion that missing jobs need, and measure them."""
-        from companion.engine.datasets import collect_motion
-
-        store = self.module.records(results)
-        missing = store.missing(list(dict.fromkeys(jobs)))
-        needed: dict[Dataset, set[int]] = {}
-        for job in missing:
-            for dataset, which in self.motion(job).items():
-                needed.setdefault(dataset, set()).update(which)
-        motion = {dataset: sorted(which) for dataset, which in needed.items()}
-        folder, robots = Path(data).absolute(), getattr(self.module, "robots", None)
-        work = functools.partial(self.module.measure, data=folder)
-        with local_pool(workers) as pool:
-            collect_motion(motion, data, executor=pool, robots=robots)
-            store.run(missing, work, pool, self.name.replace("_", "-"))
+        missing = self.module.records(study.results).missing(dict.fromkeys(jobs))
+        return len(missing)
 
     def overview(self, study: Study, pair: str | None) -> tuple[list[str], int]:
         """A line for each pair of robots, and the number of missing results."""
@@ -100,31 +89,71 @@ class Measurement(NamedTuple):
     file: str  # path below the results folder
     kind: str = ""  # key of numerics.NUMERICS; '': the file is never stale
 
-    def run(self, study: Study, pair: str | None, workers: int) -> list[str]:
+    def run(self, study: Study, pair: str | None, workers: int) -> int:
         """Measure, and write the file, where it lacks or is stale."""
-        if self.is_stale(study.results) is not False:
-            importlib.import_module(self.module).make(study, workers)
-        return []
+        if self.state(study.results) != "stored":
+            importlib.import_module(f"companion.{self.module}").make(study, workers)
+        return 0
 
     def overview(self, study: Study, pair: str | None) -> tuple[list[str], int]:
         """A line on the file, and how many files are missing."""
-        stale = self.is_stale(study.results)
-        state = {None: "missing", True: "stored, stale", False: "stored"}[stale]
-        return [f"{study.results / self.file}: {state}"], int(stale is not False)
+        state = self.state(study.results)
+        return [f"{study.results / self.file}: {state}"], int(state != "stored")
 
-    def is_stale(self, results: Path) -> bool | None:
-        """Whether other versions than today's made the file; None without a file."""
+    def state(self, results: Path) -> str:
+        """'missing', 'stored', or 'stored, stale' if other versions made the file."""
+        from sidm.storage import Damaged, read_record
+
         path = results / self.file
         try:
             record = read_record(path)
         except FileNotFoundError:
-            return None
+            return "missing"
         except Damaged as error:
             raise ConfigError(
                 f"{path}: damaged ({error}); delete it and make it again"
             ) from None
-        return bool(self.kind) and record.get("numerics") != versions(self.kind)
+        stale = self.kind and record.get("numerics") != versions(self.kind)
+        return "stored, stale" if stale else "stored"
 
+
+#: The grids by name.
+FIGURES = {
+    "decisive": Figure(
+        "studies.decisive.design.trials", (*PAPER_SYSTEMS, *FREE_SYSTEMS)
+    ),
+    "duration": Figure("studies.duration.trials", ("system1",)),
+    "3": Figure("study.Study.figure3"),
+    "references": Figure("study.Study.references"),
+    "4": Figure("study.Study.figure4", ("system1",)),
+    "tuning": Figure("studies.tuning.trials"),
+    "little-data": Figure("studies.tuning.little_data"),
+    "choices": Figure("studies.choices.trials"),
+    "released": Figure("studies.choices.released"),
+    "baselines": Figure("studies.baselines.trials"),
+    "variants": Figure("studies.variants.trials"),
+    "p-expert": Figure("studies.ablations.p_expert"),
+    "iterations": Figure("studies.ablations.phases"),
+    "pixels": Figure("studies.ablations.pixels"),
+    "patience": Figure("studies.ablations.patience"),
+    "other-bodies": Figure("studies.other_bodies.trials", ("system1",)),
+    "free-struts": Figure("study.Study.free_struts", tuple(FREE_SYSTEMS)),
+    "network-size": Figure("studies.network_size.trials", ("system1",)),
+    "corrected-claim": Figure(
+        "studies.corrected_claim.trials", (*FREE_SYSTEMS, *FAMILY_PAIRS)
+    ),
+    "most-data": Figure("studies.ablations.most_data_trials"),
+}
+
+#: Grids that only those presets have that name them.
+OPT_IN = (
+    "decisive",
+    "duration",
+    "little-data",
+    "free-struts",
+    "network-size",
+    "corrected-claim",
+)
 
 STUDIES = {
     "latent-space": RecordStudy("latent_space"),
@@ -139,45 +168,119 @@ STUDIES = {
 }
 
 MEASUREMENTS = {
-    "gap": Measurement("companion.studies.gap", "gap.json", "free_struts"),
-    "overlap": Measurement("companion.studies.overlap", "overlap.json", "simulation"),
+    "gap": Measurement("studies.gap", "gap.json", "free_struts"),
+    "overlap": Measurement("studies.overlap", "overlap.json", "simulation"),
     "untrained-latents": Measurement(
-        "companion.studies.latent_space.untrained",
-        "untrained_latents.json",
-        "diagnosis",
+        "studies.latent_space.untrained", "untrained_latents.json", "diagnosis"
     ),
-    "payoff": Measurement("companion.studies.payoff", "payoff.json", "free_struts"),
-    "tree-search": Measurement(
-        "companion.studies.tree_search", "tree_search.json", "fitting"
-    ),
-    "throughput": Measurement("companion.studies.throughput", "pace.json"),
-    "coverage": Measurement("companion.statistics.coverage", "coverage.json"),
-    "explorer": Measurement(
-        "companion.explorer.grid", "explorer/rides.json", "free_struts"
-    ),
+    "payoff": Measurement("studies.payoff", "payoff.json", "free_struts"),
+    "tree-search": Measurement("studies.tree_search", "tree_search.json", "fitting"),
+    "throughput": Measurement("studies.throughput", "pace.json"),
+    "coverage": Measurement("statistics.coverage", "coverage.json"),
+    "explorer": Measurement("explorer.grid", "explorer/rides.json", "free_struts"),
 }
 
 #: All names, in the order of the tables above.
 NAMES = (*FIGURES, *STUDIES, *MEASUREMENTS)
 
-#: Former names -> today's names.
-_FORMER = FORMER | {"elsewhere": "recorded-targets", "experts": "several-experts"}
+#: Former names of grids -> today's names.
+_FORMER = {"yardsticks": "references", "ample": "most-data"}
+_FORMER_STUDIES = {"elsewhere": "recorded-targets", "experts": "several-experts"}
 
 
-def is_grid(name: str) -> bool:
-    """Whether a name is that of a grid of trials, or 'all' for all grids."""
-    if name in _FORMER:
-        raise ConfigError(f"figure '{name}' is called '{_FORMER[name]}' now")
-    if name in (*STUDIES, *MEASUREMENTS):
-        return False
-    if name != "all" and find_figure(name) is None:
+def find(name: str) -> RecordStudy | Measurement | None:
+    """The study or measurement of a name; None for a grid of trials, or 'all'."""
+    _refuse_former(name, _FORMER | _FORMER_STUDIES)
+    entry = STUDIES.get(name) or MEASUREMENTS.get(name)
+    if entry is None and name != "all" and find_figure(name) is None:
         raise unknown_name(name, (*NAMES, "all"), kind="figure")
-    return True
+    return entry
 
 
-def find(name: str) -> RecordStudy | Measurement:
-    """The study or measurement of a name."""
-    return STUDIES[name] if name in STUDIES else MEASUREMENTS[name]
+def _refuse_former(name: str, former: dict[str, str]) -> None:
+    if name in former:
+        raise ConfigError(f"figure '{name}' is called '{former[name]}' now")
+
+
+def find_figure(name: str) -> Figure | None:
+    """The grid of a name: of FIGURES, or of a module of `studies` with `trials`.
+
+    The module of a grid 'my-study' is `studies/my_study.py`; it is about all pairs.
+    """
+    if name in FIGURES:
+        return FIGURES[name]
+    module = f"companion.studies.{name.replace('-', '_')}"
+    plain = name.replace("-", "").isalnum()
+    if not plain or importlib.util.find_spec(module) is None:
+        return None
+    has_trials = hasattr(importlib.import_module(module), "trials")
+    return Figure(f"studies.{name.replace('-', '_')}.trials") if has_trials else None
+
+
+def grid(
+    preset: Preset | str,
+    figure: str = "3",
+    system: str | None = None,
+    minutes: Sequence[float] | None = None,
+    seeds: Sequence[int] | None = None,
+    data: str | Path = "data",
+    results: str | Path = "results",
+    steps: Sequence[str] | None = None,
+) -> list[Trial]:
+    """The trials of a figure, each once.
+
+    `figure` is a name that `find_figure` knows, or 'all' for all figures of the preset.
+    `system`, `minutes` (novice dataset sizes) and `seeds` choose among its trials, as
+    `steps` does among those of the figure 'decisive'.
+
+    Raises:
+        ConfigError: a name does not exist, or the figure does not have a system, a
+            size, a seed or steps.
+    """
+    from companion.study import Study
+
+    _refuse_former(figure, _FORMER)
+    if figure != "all" and find_figure(figure) is None:
+        raise unknown_name(figure, (*FIGURES, "all"), kind="figure")
+    if system is not None:
+        find_system(system)
+    study = Study(preset, data, results)
+    names: Sequence[str] = (figure,)
+    if figure == "all":
+        names = study.preset.figures or [one for one in FIGURES if one not in OPT_IN]
+    found = [one for one in map(find_figure, names) if one is not None]
+    by_key: dict[str, Trial] = {}
+    for one in found:
+        for pair in one.pairs:
+            if system in (None, pair):
+                by_key |= {trial.key: trial for trial in one.trials(study, pair)}
+    trials = list(by_key.values())
+    if figure == "decisive":  # its steps go across systems
+        in_order = pkgutil.resolve_name("companion.studies.decisive.design.in_order")
+        trials = in_order(trials, study, steps)
+    elif steps is not None:
+        raise ConfigError(f"the figure decisive alone has steps, not {figure}")
+    if not trials:
+        known = dict.fromkeys(pair for one in found for pair in one.pairs)
+        raise ConfigError(
+            f"figure {figure} has no trials of {system}, only of {', '.join(known)}"
+        )
+    trials = _with_values(trials, "minutes", "novice_minutes", minutes)
+    return _with_values(trials, "seeds", "seed", seeds)
+
+
+def _with_values(
+    trials: list[Trial], name: str, field: str, values: Sequence[float] | None
+) -> list[Trial]:
+    """The trials whose `field` has one of the `values`; all trials for None."""
+    if values is None:
+        return trials
+    known = sorted({getattr(trial, field) for trial in trials})
+    for value in values:
+        if value not in known:
+            listed = ", ".join(f"{number:g}" for number in known)
+            raise ConfigError(f"{name} {value:g} is not in this grid; it has {listed}")
+    return [trial for trial in trials if getattr(trial, field) in values]
 
 
 def run_jobs(
@@ -187,5 +290,29 @@ def run_jobs(
     data: str | Path = "data",
     results: str | Path = "results",
 ) -> None:
-    """Run jobs of a study of STUDIES, see `RecordStudy.run_jobs`."""
-    STUDIES[name].run_jobs(jobs, workers, data, results)
+    """Simulate the motion that missing jobs of a study need, and measure them."""
+    from companion.engine.datasets import collect_motion
+    from companion.trials import Trial, motion_of
+
+    name = name.replace("_", "-")
+    module = STUDIES[name].module
+    store = module.records(results)
+    missing = store.missing(dict.fromkeys(jobs))
+    needed: dict[Dataset, set[int]] = {}
+    for job in missing:
+        if hasattr(module, "motion"):
+            motion = module.motion(job)
+        else:
+            trial = job if isinstance(job, Trial) else getattr(job, "trial", None)
+            motion = motion_of([trial] if trial else [])
+        for dataset, which in motion.items():
+            needed.setdefault(dataset, set()).update(which)
+    work = functools.partial(module.measure, data=Path(data).absolute())
+    with local_pool(workers) as pool:
+        collect_motion(
+            {dataset: sorted(which) for dataset, which in needed.items()},
+            data,
+            executor=pool,
+            robots=getattr(module, "robots", None),
+        )
+        store.run(missing, work, pool, name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,17 +10,14 @@ from companion.methods import FIGURE3, METHODS
 from companion.presets import Preset, load_preset
 from companion.training import StudyTraining
 from companion.trials import Trial
-from sidm.config import unknown_name
+from sidm.config import replace, unknown_name
 from sidm.systems import find_system
 
 
 class Study:
-    """Makes the trials of a preset.
+    """Makes the trials of a preset, which may be given by its name.
 
-    Args:
-        preset: a Preset or the name of one.
-        data: folder of the data.
-        results: folder of the results.
+    `data` and `results` are folders.
     """
 
     def __init__(
@@ -49,18 +45,10 @@ class Study:
         seed: int = 0,
         training: StudyTraining | None = None,
     ) -> Trial:
-        """One trial with the sizes of the preset.
+        """One trial with the sizes of the preset, and `minutes` of novice data.
 
-        Args:
-            system: the pair of robots.
-            method: a name of `methods.METHODS`.
-            minutes: novice data, minutes of motion.
-            seed: of the novice subset, the initial weights and the batches.
-            training: settings of training; None: those of the method.
-
-        Raises:
-            ConfigError: an unknown system or method, or more minutes than the pool
-                holds.
+        `method` is a name of `methods.METHODS`, which gives the `training` unless it is
+        given here. ConfigError names what is not known, or too many minutes.
         """
         find_system(system)
         if method not in METHODS:
@@ -76,7 +64,7 @@ class Study:
             validation_minutes=preset.validation_minutes,
             rollouts=preset.rollouts,
             policy=preset.policy,
-            network=dataclasses.replace(preset.network, own=config.own),  # type: ignore
+            network=replace(preset.network, own=config.own),
             training=training or preset.training_of(config, system),
             pretraining=preset.pretraining_of(config),
             pretrained=config.carried,
@@ -95,12 +83,8 @@ class Study:
     ) -> list[Trial]:
         """Trials of every size, seed and method; those of one seed follow each other.
 
-        Args:
-            system: the pair of robots.
-            methods: names of `methods.METHODS`.
-            sizes: novice data, minutes of motion each.
-            training: settings of training; None: those of each method.
-            seeds: trials per point; None: the number that the preset has at a size.
+        `sizes` are minutes of novice data. The preset says how many `seeds` a size has
+        unless it is given, and the method what its `training` is.
         """
         trials = []
         for minutes in sizes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import hashlib
 import json
@@ -10,7 +9,14 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 from companion.training import StudyTraining
-from sidm.config import ConfigError, check_numbers, config, to_mapping
+from sidm.config import (
+    ConfigError,
+    check_at_least,
+    check_numbers,
+    config,
+    replace,
+    to_mapping,
+)
 from sidm.settings import Network
 from sidm.shards import Collection, novice_split, trajectories_for
 from sidm.systems import find_system
@@ -42,10 +48,9 @@ class Dataset:
 
 
 def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]:
-    """The four datasets of one system.
+    """The four datasets of one system: 'novice' (the pool), 'expert' and two to judge.
 
-    Returns:
-        'novice' (the pool), 'expert', 'validation' and 'rollout'.
+    These are 'validation' and 'rollout'. `sizes` is a preset or a trial.
     """
 
     def dataset(role: str, seed: int, count: int, policy: str) -> Dataset:
@@ -53,14 +58,13 @@ def datasets(sizes: Any, system: str, pool_minutes: float) -> dict[str, Dataset]
         collection = Collection(system=system, role=role, policy=policy, seed=seed)
         return Dataset(collection=collection, count=count)
 
-    pool, expert, validation = (
-        trajectories_for(minutes)
-        for minutes in (pool_minutes, sizes.expert_minutes, sizes.validation_minutes)
-    )
+    policy, pool = sizes.policy, trajectories_for(pool_minutes)
+    expert = trajectories_for(sizes.expert_minutes)
+    validation = trajectories_for(sizes.validation_minutes)
     return {
-        "novice": dataset("novice", POOL_SEED, pool, sizes.policy),
-        "expert": dataset("expert", EXPERT_SEED, expert, sizes.policy),
-        "validation": dataset("novice", VALIDATION_SEED, validation, sizes.policy),
+        "novice": dataset("novice", POOL_SEED, pool, policy),
+        "expert": dataset("expert", EXPERT_SEED, expert, policy),
+        "validation": dataset("novice", VALIDATION_SEED, validation, policy),
         "rollout": dataset("novice", ROLLOUT_SEED, sizes.rollouts, "held"),
     }
 
@@ -135,8 +139,7 @@ class Trial:
                 "Trial.novice_minutes must be above 0 and at most pool_minutes "
                 f"({self.pool_minutes:g}), not {self.novice_minutes:g}"
             )
-        if self.rollouts < 1:
-            raise ConfigError(f"Trial.rollouts must be at least 1, not {self.rollouts}")
+        check_at_least(self, 1, "rollouts")
         pretrains = self.pretraining is not None
         if self.pretraining is not None and self.pretraining.needs_expert:
             raise ConfigError(
@@ -171,11 +174,7 @@ class Trial:
 
     @property
     def drawn(self) -> tuple[np.ndarray, np.ndarray]:
-        """The trajectories of the novice's pool to train on and to test on.
-
-        Returns:
-            Indices (n,) and (m,), see `sidm.shards.novice_split`.
-        """
+        """Indices (n,) and (m,) in the novice's pool, to train on and to test on."""
         pool = self.datasets["novice"].count
         return novice_split(pool, self.novice_minutes, self.seed)
 
@@ -196,7 +195,7 @@ class Trial:
 
     def replace(self, **changes: Any) -> Trial:
         """A trial with some values changed, which is checked like any trial."""
-        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+        return replace(self, **changes)
 
     def to_json(self) -> dict[str, Any]:
         """All values as plain nested mappings, see `without_later`."""

@@ -22,7 +22,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from companion.engine.lines import Lines, read_lines
+from companion import Results
+from companion.engine.lines import read_lines
+from sidm.config import to_mapping
 from sidm.storage import Damaged, read_arrays
 
 SETTINGS = {
@@ -124,10 +126,8 @@ class Stage:
 def torture(stage: Stage, kills: int, chance: random.Random) -> int:
     """Kill a command `kills` times at work, and begin anew whenever it has ended.
 
-    Returns how often it ended.
-
-    Raises an AssertionError if a finished file was written again, half a file was read,
-    or the final files differ.
+    Returns how often it ended. AssertionError tells that a finished file was written
+    again, half a file was read, or the final files differ.
     """
     met, ends, known = 0, 0, stamps(stage.folder, stage.pattern)
     with reader(stage.folder, stage.pattern, stage.read) as wrong:
@@ -163,10 +163,8 @@ def content(folder: Path, pattern: str) -> dict[str, object]:
         if path.suffix == ".npz":
             contents[str(path.relative_to(folder))] = path.read_bytes()
         else:
-            lines = Lines(path)
-            for key, row in lines.all().items():
-                values, curves = lines.split(row)
-                contents[key] = values | curves | {"provenance": None}
+            for row in Results(path.parent).all():
+                contents[row.trial.key] = to_mapping(row) | {"provenance": None}
     return contents
 
 

@@ -29,6 +29,11 @@ from sidm.learning.training import Trained
 from sidm.shards import ShardError
 
 
+def _trainings(trial: Trial) -> list:
+    """A trial's training, and its pretraining if it has one."""
+    return [one for one in (trial.training, trial.pretraining) if one is not None]
+
+
 def fits(trial: Trial) -> bool:
     """Whether a bundle can train the trial.
 
@@ -36,19 +41,16 @@ def fits(trial: Trial) -> bool:
     with the paper's adversary or without matching, and without the aids of some
     studies.
     """
-    trainings = filter(None, (trial.training, trial.pretraining))
-    plain = all(
-        getattr(training, name) == value
-        for training in trainings
+    network, training = trial.network, trial.training
+    fixed = all(
+        getattr(one, name) == value
+        for one in _trainings(trial)
         for name, value in FIXED.items()
     )
-    plain = plain and trial.training.precision != "bfloat16"
-    gradients = not trial.solved and trial.training.max_samples > 0
-    network = trial.network
+    trained = not trial.solved and not trial.residual and training.max_samples > 0
     rovers = network.body("novice") == network.body("expert") == ROVER
-    return (
-        plain and gradients and rovers and network.own == "all" and not trial.residual
-    )
+    plain = network.own == "all" and training.precision != "bfloat16"
+    return fixed and trained and rovers and plain
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
@@ -62,9 +64,8 @@ def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
             raise ConfigError(
                 f"{trial}: this method cannot be trained in a bundle; train it alone"
             )
-        trainings = filter(None, (trial.training, trial.pretraining))
         shared = tuple(
-            tuple(getattr(training, name) for name in SHARED) for training in trainings
+            tuple(getattr(one, name) for name in SHARED) for one in _trainings(trial)
         )
         groups.setdefault((trial.system, trial.network, shared), []).append(trial)
     return [
@@ -79,19 +80,18 @@ def run_bundle(
     data: str | Path,
     checkpoint: Callable[[Trial], Path],
     progress: Callable[[Trial, CurvePoint], None],
-    fault: Callable[[Trial, Exception], None],
     device: str = "cpu",
     until: float = math.inf,
-) -> Iterator[Row | Failure]:
+) -> Iterator[tuple[Trial, Row | Failure | Exception]]:
     """Train trials side by side, `slots` at a time, and evaluate each when it ends.
 
-    The trials are a group of `bundles`. `fault` gets the error of a trial that failed;
-    the others go on. At `until`, a `time.monotonic()`, all states are written to the
-    folders that `checkpoint` gives, and the rest is left for the next call.
+    The trials are a group of `bundles`. At `until`, a `time.monotonic()`, all states
+    are written to the folders that `checkpoint` gives, and the rest is left for the
+    next call.
 
     Yields:
-        What is stored of a trial: its outcome is that of `execute.perform` but for
-        rounding.
+        A trial and what is stored of it: its outcome is that of `execute.perform` but
+        for rounding; or the error of a trial that failed, while the others go on.
     """
     provenance.source()  # as the work begins
     library = Library(data)
@@ -106,19 +106,27 @@ def run_bundle(
         )
         return stored_as(trial, result, made)
 
-    loadable = _loadable(trials, library, fault)
+    loadable = []
+    for trial in trials:
+        try:  # missing motion is known before hours of work
+            library.rollouts(trial)
+            library.datasets(trial)
+        except (GroundError, ShardError) as error:
+            yield trial, error
+        else:
+            loadable.append(trial)
     errors = _pretrain_missing(loadable, slots, library, device, until)
     runs, jobs = [], []
     for trial in loadable:
         start = None
         if trial.pretraining is not None:
             folder = pretrained_folder(trial, library.data, "bundle")
-            error = errors.get(folder)
-            if isinstance(error, TrainingError):
-                yield record(trial, error, 0.0, False)
-            elif error is not None:
-                fault(trial, error)
-            start = None if error else fine_tuning.read(folder)
+            failed = errors.get(folder)
+            if isinstance(failed, TrainingError):
+                yield trial, record(trial, failed, 0.0, False)
+            elif failed is not None:
+                yield trial, failed
+            start = None if failed else fine_tuning.read(folder)
             if start is None:
                 continue  # or its pretraining goes on in the next call
         state, sets = checkpoint(trial), library.datasets(trial)
@@ -135,37 +143,21 @@ def run_bundle(
     ):
         trial, samples, resumed = jobs[number]
         begun = time.perf_counter()
-        if isinstance(ended, CheckpointError):
-            fault(trial, ended)
-            continue
-        result: Outcome | TrainingError
-        try:
-            if isinstance(ended, TrainingError):
-                result = ended
-            else:
+        result: Outcome | Exception
+        if isinstance(ended, Trained):
+            try:
                 ended.model.to(device)
                 result = outcome_of(trial, ended, library, samples)
-        except Exception as error:  # one trial's failure must not lose the others
-            fault(trial, error)
+            except Exception as error:  # one trial's failure must not lose the others
+                yield trial, error
+                continue
         else:
+            result = ended
+        if isinstance(result, (Outcome, TrainingError)):
             seconds += time.perf_counter() - begun
-            yield record(trial, result, seconds, resumed)
-
-
-def _loadable(
-    trials: Sequence[Trial], library: Library, fault: Callable[[Trial, Exception], None]
-) -> list[Trial]:
-    """The trials whose motion is on disk; known before hours of work."""
-    loadable = []
-    for trial in trials:
-        try:
-            library.rollouts(trial)
-            library.datasets(trial)
-        except (GroundError, ShardError) as error:
-            fault(trial, error)
+            yield trial, record(trial, result, seconds, resumed)
         else:
-            loadable.append(trial)
-    return loadable
+            yield trial, result
 
 
 def _pretrain_missing(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,14 +14,16 @@ from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import start_of
 from companion.engine.provenance import THREADS, Provenance
 from companion.engine.rows import Failure, Outcome, Row
-from companion.numerics import versions
+from companion.numerics import version_label, versions
 from companion.trials import Trial
 from ownrobot.methods.fine_tuning import Pretrained, frozen_model
 from ownrobot.methods.least_squares import fit
 from ownrobot.methods.residual import Corrected, correction_units, residual_datasets
+from sidm.config import replace
+from sidm.learning import checkpoint as checkpoints
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets
-from sidm.learning.model import DynamicsModel
+from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.stopping import CurvePoint, TrainingError
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation, default_units, loss_weights, role_units
@@ -64,7 +65,7 @@ def perform(
         else:
             trained = _train(trial, sets, start, checkpoint, progress, device)
         outcome = outcome_of(trial, trained, library, start.samples if start else 0)
-        return outcome, trained
+    return outcome, trained
 
 
 def _train(
@@ -76,26 +77,24 @@ def _train(
     device: str,
 ) -> Trained:
     """Train the trial's model, or a correction of the pretrained model."""
-    settings = trial.network, trial.training, trial.seed
-    if start is None or not trial.residual:
-        return train(
-            sets,
-            *settings,
-            start=start.weights if start else None,
-            checkpoint=checkpoint,
-            progress=progress,
-            device=device,
-        )
-    base = _frozen(trial, sets, start).to(device)
-    sets = residual_datasets(sets, base)
+    base, weights, units = None, start.weights if start else None, None
+    if start is not None and trial.residual:
+        base, weights = _frozen(trial, sets, start).to(device), None
+        sets = residual_datasets(sets, base)
+        units = correction_units(sets)
     trained = train(
         sets,
-        *settings,
-        standardisation=correction_units(sets),
+        trial.network,
+        trial.training,
+        trial.seed,
+        start=weights,
+        standardisation=units,
         checkpoint=checkpoint,
         progress=progress,
         device=device,
     )
+    if base is None:
+        return trained
     return trained._replace(model=Corrected(base, trained.model))
 
 
@@ -148,8 +147,7 @@ def stored_as(
     A trial on robots with free struts depends on the version of that motion, too.
     """
     if not find_system(trial.system).physics.strut_motors:
-        numerics = versions("free_struts") | made.numerics
-        made = dataclasses.replace(made, numerics=numerics)  # type: ignore[type-var]
+        made = replace(made, numerics=versions("free_struts") | made.numerics)
     if isinstance(result, TrainingError):
         return Failure(
             trial=trial,
@@ -159,3 +157,27 @@ def stored_as(
             provenance=made,
         )
     return Row(trial=trial, outcome=result, provenance=made)
+
+
+def predictor_of(trial: Trial, data: str | Path = "data") -> Predictor:
+    """The model with which a trial predicts the novice.
+
+    Networks are kept by `model_of`. Weights in closed form are solved again each time,
+    which is faster than keeping them is worth.
+    """
+    return perform(trial, data)[1].model if trial.solved else model_of(trial, data)
+
+
+def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
+    """The novice's parts of a trial's network, trained once and kept under `data`."""
+    folder = Path(data) / "models" / f"{trial.key}-{version_label('training')}"
+    state = checkpoints.read(folder)
+    if state is None:
+        tensors = checkpoints.module_tensors(perform(trial, data)[1].model)
+        novice = {name: t for name, t in tensors.items() if ".expert." not in name}
+        checkpoints.write(folder, novice, {})
+        state = checkpoints.read(folder)
+        assert state is not None
+    model = DynamicsModel(trial.network, roles=["novice"])
+    model.initialise_from(state[0])
+    return model.eval()

@@ -27,8 +27,7 @@ from sidm.body import Body
 from sidm.config import to_mapping
 from sidm.settings import Network
 
-REPEATED = "whether its motion was simulated again elsewhere and differs by rounding"
-#: The classes whose fields are columns, and the prefix of their columns' names.
+#: The classes whose fields are columns of a trial's row, and the prefix of their names.
 _PARTS: tuple[tuple[type, str], ...] = (
     (Trial, ""),
     (Network, ""),
@@ -37,6 +36,14 @@ _PARTS: tuple[tuple[type, str], ...] = (
     (Outcome, ""),
     (Provenance, ""),
 )
+_FLAGS = [
+    ("stale", "bool", "whether today's code would come to other figures"),
+    (
+        "repeated",
+        "bool",
+        "whether its motion was simulated again elsewhere and differs by rounding",
+    ),
+]
 
 
 def frame_of(
@@ -52,14 +59,16 @@ def frame_of(
     machine. A table without rows has numbers where others have them, so that joined
     with them it changes no type.
     """
-    rows, known = list(rows), known_motion.read(results)
+    known, lines, keys = known_motion.read(results), [], []
+    for row in rows:
+        trial = to_mapping(row.trial)
+        values = _flat(trial | trial["network"] | trial["training"])
+        lines.append(values | to_mapping(row.outcome) | _made(row, known))
+        keys.append(row.trial.key)
     kinds = {name: kind for name, kind, _ in columns(curves)}
-    table = pd.DataFrame(
-        [_line(row, known) for row in rows],
-        columns=[*kinds],
-        index=pd.Index([row.trial.key for row in rows], name="key"),
-    )
-    if rows:
+    index = pd.Index(keys, name="key")
+    table = pd.DataFrame(lines, columns=[*kinds], index=index)
+    if lines:
         return table
     numbers = ("int", "float", "bool")
     typed = table.astype({name: k for name, k in kinds.items() if k in numbers})
@@ -76,20 +85,14 @@ def columns(curves: bool = True) -> list[tuple[str, str, str]]:
         for name, (kind, text) in _described(cls).items()
         if name not in left_out
     ]
-    stale = ("stale", "bool", "whether today's code would come to other figures")
-    repeated = ("repeated", "bool", REPEATED)
-    return [*described, stale, repeated]
+    return [*described, *_FLAGS]
 
 
-def _line(row: Row, known: Mapping[str, Known]) -> dict[str, Any]:
-    trial = to_mapping(row.trial)
-    values = _flat(trial | trial["network"] | trial["training"])
-    values |= to_mapping(row.outcome) | to_mapping(row.provenance)
-    return values | _flags(row.provenance, known)
-
-
-def _flags(made: Provenance, known: Mapping[str, Known]) -> dict[str, bool]:
-    return {"stale": made.stale, "repeated": again_elsewhere(made.digests, known)}
+def _made(record: Any, known: Mapping[str, Known]) -> dict[str, Any]:
+    """How a record was made: the columns of its provenance and of _FLAGS."""
+    made = record.provenance
+    repeated = again_elsewhere(made.digests, known)
+    return to_mapping(made) | {"stale": made.stale, "repeated": repeated}
 
 
 def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
@@ -108,20 +111,19 @@ def records_frame(
     missing where there is no such part. A result that has the name of a field of the
     provenance gets the prefix ``found_`` (``found_seconds``).
     """
-    about, made_by = typing.get_type_hints(kind)["about"], list(_names(Provenance))
-    fields = [
-        field.name
+    made_by = [*_names(Provenance), *(name for name, _, _ in _FLAGS)]
+    column = {
+        field.name: f"found_{field.name}" if field.name in made_by else field.name
         for field in dataclasses.fields(kind)
         if field.name not in ("about", "provenance")
-    ]
-    column = {name: f"found_{name}" if name in made_by else name for name in fields}
-    lines, known = [], known_motion.read(results)
+    }
+    known, lines = known_motion.read(results), []
     for record in records:
-        found = {column[name]: getattr(record, name) for name in fields}
-        made = to_mapping(record.provenance) | _flags(record.provenance, known)
-        lines.append(_flat(to_mapping(record.about)) | found | made)
-    names = [*_names(about), *column.values(), *made_by, "stale", "repeated"]
-    return pd.DataFrame(lines, columns=names)
+        found = {column[name]: getattr(record, name) for name in column}
+        about = _flat(to_mapping(record.about))
+        lines.append(about | found | _made(record, known))
+    names = _names(typing.get_type_hints(kind)["about"])
+    return pd.DataFrame(lines, columns=[*names, *column.values(), *made_by])
 
 
 def of_trials(frame: pd.DataFrame) -> pd.DataFrame:

@@ -5,7 +5,6 @@ The weights of one system, seed and training serve trials of every novice datase
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Mapping
@@ -21,7 +20,7 @@ from ownrobot.methods.fine_tuning import (
     pretrained_from,
     pretraining_datasets,
 )
-from sidm.config import to_mapping
+from sidm.config import replace, to_mapping
 from sidm.learning.dataset import Datasets
 from sidm.learning.networks import Network
 from sidm.learning.training import Trained, train
@@ -58,12 +57,9 @@ def weights_folder(
 
 
 def network_of(trial: Trial) -> Network:
-    """The network of a trial's pretraining.
-
-    The pretraining has one system, the expert, under the role 'novice'.
-    """
+    """The network of a trial's pretraining: the expert has the role 'novice'."""
     body = trial.network.expert_body
-    return dataclasses.replace(trial.network, own="all", novice_body=body)  # type: ignore[type-var]
+    return replace(trial.network, own="all", novice_body=body)
 
 
 def start_of(

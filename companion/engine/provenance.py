@@ -11,7 +11,6 @@ import platform
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import companion
 import ownrobot
@@ -118,13 +117,12 @@ def here(
     digests: Mapping[str, str] | None = None,
 ) -> Provenance:
     """The provenance of work that this process has just done."""
-    libraries: dict[str, Any] = library_versions()
     return Provenance(
         version=sidm.__version__,
         source=source(),
         numerics=versions("bundle" if bundle else kind),
         python=platform.python_version(),
-        **libraries,
+        **library_versions(),  # type: ignore[arg-type]
         device=device_name(device),
         threads=threads,
         seconds=round(seconds, 1),

@@ -1,11 +1,15 @@
 """Stored results of studies: one file of JSON lines for each study.
 
-A record says what it is about, what was measured, and how it was made. The rows of
-trials are records, too (`store`).
+A record says what it is about, what was measured, and how it was made. It is one line
+of NAME.jsonl. Rows of trials are records, too (`store`); their curves are long and lie
+in NAME.curves.gz, a member of gzip for each row, at the place that the line names.
 """
 
 from __future__ import annotations
 
+import functools
+import gzip
+import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,13 +20,13 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from companion.engine.datasets import digests_of
 from companion.engine.frame import records_frame
 from companion.engine.known_motion import refuse_mixed
-from companion.engine.lines import Lines
+from companion.engine.lines import append, line_of, read_lines, write_lines
 from companion.engine.provenance import THREADS, Provenance, here, source
 from companion.trials import key_of_values, without_later
-from sidm.config import ConfigError, from_mapping, to_mapping
+from sidm.config import ConfigError, first_line, from_mapping, to_mapping
 from sidm.pool import as_completed
 from sidm.progress import progress_bar
-from sidm.storage import Damaged, read_record
+from sidm.storage import Damaged, locked, read_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +36,7 @@ if TYPE_CHECKING:
 F = TypeVar("F")
 
 DIGITS = 6  # significant digits of stored floats
+AT = "curves_at"  # field of a line: offset and length of its curves, bytes
 
 
 class StoreError(OSError):
@@ -61,10 +66,8 @@ def by_field(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def records_of(kind: type[F], study: str) -> Callable[..., Records[F]]:
     """A function `records(results)` that gives a study's records of a kind."""
-    name = study.replace("-", "_")
-    return lambda results="results": Records(
-        kind, Path(results), name, f"companion run --figure {study}"
-    )
+    name, command = study.replace("-", "_"), f"companion run --figure {study}"
+    return lambda results="results": Records(kind, results, name, command)
 
 
 def read_or_empty(path: Path) -> dict[str, Any]:
@@ -83,23 +86,23 @@ class Records(Generic[F]):
         folder: of results; it need not exist.
         name: of the records' file, without its ending.
         command: makes the records; named in messages.
+        subject: the field that says what a record is about.
+        curves: fields of a record's `outcome` that are stored beside the lines.
     """
 
-    subject = "about"  # the field that says what a record is about
-
     def __init__(
-        self, kind: type[F], folder: str | Path, name: str, command: str
+        self,
+        kind: type[F],
+        folder: str | Path,
+        name: str,
+        command: str,
+        subject: str = "about",
+        curves: Sequence[str] = (),
     ) -> None:
         self.kind, self.folder, self.command = kind, Path(folder), command
-        self.lines = Lines(self.folder / f"{name}.jsonl")
-
-    def _split(self, values: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-        """What stands in the line of a record, and its curves."""
-        return values, {}
-
-    def _joined(self, values: dict[str, Any], curves: dict[str, Any]) -> dict[str, Any]:
-        """The values of a record from its line and its curves."""
-        return values
+        self.subject, self.curves = subject, curves
+        self.path = self.folder / f"{name}.jsonl"
+        self.curves_path = self.folder / f"{name}.curves.gz"
 
     def put(self, record: F) -> Path:
         """Store a record, in place of an earlier one about the same.
@@ -110,63 +113,113 @@ class Records(Generic[F]):
         about = getattr(record, self.subject)
         values = rounded(to_mapping(record))
         values[self.subject] = without_later(to_mapping(about))
+        curves = {name: values["outcome"].pop(name) for name in self.curves}
+        curves = {name: curve for name, curve in curves.items() if curve}
         try:
-            self.lines.put(key_of(about), *self._split(values))
+            with locked(self.path):
+                self._write({"key": key_of(about), **values}, curves)
         except Damaged as error:
             raise self._damaged(error) from None
         except ValueError:
             raise StoreError(
-                f"{self.lines.path}: {about}: not stored, a number is not finite"
+                f"{self.path}: {about}: not stored, a number is not finite"
             ) from None
-        return self.lines.path
+        return self.path
 
-    def get(self, about: Any) -> F | None:
-        """The stored record, or None."""
-        values = self._values().get(key_of(about))
-        if values is None:
-            return None
-        record = self._read(values)
-        if getattr(record, self.subject) != about:
-            raise self._damaged(f"'{about}' is about something else")
-        return record
+    def _write(self, values: dict[str, Any], curves: Mapping[str, Any]) -> None:
+        """Write a line after its curves; ValueError where a number is not finite."""
+        known, packed, end = self._lines(), b"", 0
+        if curves:
+            text = json.dumps(curves, allow_nan=False).encode()
+            packed = gzip.compress(text, mtime=0)
+            end = max((sum(v[AT]) for v in known.values() if AT in v), default=0)
+            values = {**values, AT: [end, len(packed)]}
+        line = line_of(values).encode()
+        if packed:
+            append(self.curves_path, packed, end)
+        if values["key"] in known:
+            kept = [v for key, v in known.items() if key != values["key"]]
+            write_lines(self.path, [*kept, values])
+        else:
+            content = self.path.read_bytes() if self.path.exists() else b""
+            append(self.path, line, content.rfind(b"\n") + 1)
 
-    def _values(self) -> dict[str, dict[str, Any]]:
+    def drop(self, about: Any) -> None:
+        """Delete the record about something, if it is there."""
+        with locked(self.path):
+            known, key = self._lines(), key_of(about)
+            if key in known:
+                write_lines(self.path, [v for k, v in known.items() if k != key])
+
+    def _lines(self) -> dict[str, dict[str, Any]]:
+        """The values of each line by its key; all callers share them."""
         try:
-            return self.lines.all()
+            status = self.path.stat()
+        except FileNotFoundError:
+            return {}
+        return _by_key(self.path, status.st_mtime_ns, status.st_size)
+
+    def keys(self) -> list[str]:
+        """The keys of all records."""
+        try:
+            return [*self._lines()]
         except Damaged as error:
             raise self._damaged(error) from None
 
-    def _read(self, values: dict[str, Any], curves: bool = True) -> F:
+    def get(self, about: Any) -> F | None:
+        """The stored record, or None."""
+        record = self.of_key(key_of(about))
+        if record is not None and getattr(record, self.subject) != about:
+            raise self._damaged(f"'{about}' is about something else")
+        return record
+
+    def of_key(self, key: str, curves: bool = True) -> F | None:
+        """The record of a key, or None; `curves` says whether its curves are read."""
         try:
-            values = self._joined(*self.lines.split(values, curves))
+            values = self._lines().get(key)
+            if values is None:
+                return None
+            values = {n: v for n, v in values.items() if n != "key"}
+            place = values.pop(AT, None)
+            if self.curves:
+                long = self._read_curves(*place) if curves and place else {}
+                empty: dict[str, Any] = dict.fromkeys(self.curves, ())
+                values["outcome"] = empty | values["outcome"] | long
             return from_mapping(self.kind, values)
         except (Damaged, ConfigError, TypeError, KeyError) as error:
             raise self._damaged(error) from None
 
+    def _read_curves(self, offset: int, length: int) -> dict[str, Any]:
+        try:
+            with open(self.curves_path, "rb") as file:
+                file.seek(offset)
+                return json.loads(gzip.decompress(file.read(length)))
+        except (OSError, EOFError, ValueError) as error:
+            place = f"{self.curves_path.name}, byte {offset}"
+            raise Damaged(f"{place}: {first_line(error)}") from None
+
     def _damaged(self, error: object) -> StoreError:
         return StoreError(
-            f"{self.lines.path}: damaged ({error}); delete the line and run "
-            f"'{self.command}'"
+            f"{self.path}: damaged ({error}); delete the line and run '{self.command}'"
         )
 
     def stored(self, abouts: Iterable[Any]) -> list[F]:
         """The stored records about `abouts`, in their order."""
-        records = map(self.get, abouts)
-        return [record for record in records if record is not None]
-
-    def is_current(self, about: Any) -> bool:
-        """Whether a record of today's versions of the numbers is stored."""
-        values = self._values().get(key_of(about))
-        record: Any = values and self._read(values, curves=False)
-        return record is not None and not record.provenance.stale
+        return [record for record in map(self.get, abouts) if record is not None]
 
     def missing(self, abouts: Iterable[Any]) -> list[Any]:
         """What has no record of today's versions of the numbers, in its order."""
-        return [about for about in abouts if not self.is_current(about)]
+        missing = []
+        for about in abouts:
+            record: Any = self.of_key(key_of(about), curves=False)
+            if record is None or record.provenance.stale:
+                missing.append(about)
+        return missing
 
     def all(self) -> list[F]:
         """All stored records, in the order of their keys."""
-        return [self._read(values) for _, values in sorted(self._values().items())]
+        records = map(self.of_key, sorted(self.keys()))
+        return [record for record in records if record is not None]
 
     def frame(self, abouts: Iterable[Any] | None = None) -> pd.DataFrame:
         """The stored records, all by default, as a table: `frame.records_frame`.
@@ -174,13 +227,9 @@ class Records(Generic[F]):
         Raises:
             OtherMotion: they were made with motion that differs by more than rounding.
         """
-        records = self.all() if abouts is None else self.stored(abouts)
-        self.refuse_mixed(records)
-        return records_frame(self.kind, records, self.folder)
-
-    def refuse_mixed(self, records: Iterable[Any]) -> None:
-        """Refuse records made with motion that differs by more than rounding."""
+        records: list[Any] = self.all() if abouts is None else self.stored(abouts)
         refuse_mixed((record.provenance.digests for record in records), self.folder)
+        return records_frame(self.kind, records, self.folder)
 
     def run(
         self,
@@ -202,12 +251,19 @@ class Records(Generic[F]):
                 try:
                     self.put(done.result())
                 except Exception as error:  # one failure must not lose the others
-                    bar.write(
-                        f"companion: {what} failed: {one_line(error)}", file=sys.stderr
-                    )
+                    message = f"companion: {what} failed: {one_line(error)}"
+                    bar.write(message, file=sys.stderr)
                     failed += 1
                 bar.update()
         return failed
+
+
+@functools.lru_cache(maxsize=32)
+def _by_key(path: Path, *_: int) -> dict[str, dict[str, Any]]:
+    lines = list(read_lines(path))
+    if any("key" not in values for values in lines):
+        raise Damaged("a line has no key")
+    return {values["key"]: values for values in lines}
 
 
 def one_line(error: BaseException) -> str:

@@ -13,7 +13,7 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -23,11 +23,11 @@ from companion.engine.bundles import bundles, fits, run_bundle
 from companion.engine.datasets import collect_motion, refuse_missing_motion
 from companion.engine.execute import run_trial
 from companion.engine.known_motion import refuse_other_motion
-from companion.engine.records import StoreError, one_line
+from companion.engine.records import one_line
 from companion.engine.rows import Failure, Row
 from companion.engine.store import Results
 from companion.numerics import version_label
-from companion.trials import Dataset, Trial, motion_of
+from companion.trials import Trial, motion_of
 from sidm.config import ConfigError
 from sidm.learning.stopping import CurvePoint, TrainingError
 from sidm.pool import as_completed, local_pool
@@ -54,7 +54,9 @@ def run(
 ) -> Results:
     """Run the trials that are missing, and store each as soon as it is done.
 
-    A row of older versions of the numbers is made again, and replaced.
+    A row of older versions of the numbers is made again, and replaced. Trials that
+    failed are reported on stderr and are still `missing` in the store that is returned;
+    trials whose training failed with the current code are not run again.
 
     Args:
         trials: in the order in which they are started; each is run once.
@@ -72,14 +74,8 @@ def run(
         seconds: after which a bundle writes its trials' states and ends; the next call
             goes on.
 
-    Returns:
-        The store. Trials that failed are reported on stderr and are still `missing`
-        there; trials whose training failed with the current code are not run again.
-
     Raises:
-        ConfigError: a trial's motion is not on disk, `workers` is below 1, `bundle`
-            below 0, a bundle meant for an executor, or `seconds` for trials without a
-            bundle.
+        ConfigError: a trial's motion is not on disk, or arguments do not go together.
         OtherMotion: the motion differs, by more than rounding, from that which the
             stored results were made with.
     """
@@ -102,39 +98,40 @@ def run(
             "when they are killed"
         )
     until = time.monotonic() + seconds
-    if missing:
-        data = Path(data).absolute()
-        refuse_other_motion(_shared(missing), data, store.folder)
-        with progress_bar(len(missing), "trials", "trial", progress) as bar:
-            runner = _Runner(store, data, bar, device)
-            in_bundles = [t for t in missing if bundle and fits(t)]
-            runner.run_bundles(in_bundles, bundle, until)
-            if time.monotonic() >= until:
-                return store
-            alone = [t for t in missing if not (bundle and fits(t))]
-            processes = min(workers, len(alone))
+    if not missing:
+        return store
+    data = Path(data).absolute()
+    _refuse_other_motion(missing, data, store)
+    with progress_bar(len(missing), "trials", "trial", progress) as bar:
+        runner = _Runner(store, data, bar, device)
+        side_by_side = [trial for trial in missing if bundle and fits(trial)]
+        runner.run_bundles(side_by_side, bundle, until)
+        if time.monotonic() < until:
+            alone = [trial for trial in missing if not (bundle and fits(trial))]
             own = contextlib.nullcontext(executor) if executor else None
-            with own or local_pool(processes) as pool:
+            with own or local_pool(min(workers, len(alone))) as pool:
                 runner.run_single(alone, pool)
     return store
 
 
-def _shared(trials: Iterable[Trial]) -> list[Dataset]:
-    """The whole datasets that trials use: all but the novice's pools."""
-    return [
+def _refuse_other_motion(
+    trials: Sequence[Trial], data: str | Path, store: Results
+) -> None:
+    """Refuse trials whose datasets, the novice's pools aside, are not the store's."""
+    whole = [
         dataset
         for dataset, which in motion_of(trials).items()
         if len(which) == dataset.count
     ]
+    refuse_other_motion(whole, data, store.folder)
 
 
 def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
     """The trials that have not failed with today's code; the others are reported."""
     failed = {failure.trial.key: failure for failure in store.failures(trials)}
     for failure in failed.values():
-        path = store.failed.lines.path
-        message = f"{failure}; not run again unless its line in {path} is deleted"
-        print(f"companion: {message}", file=sys.stderr)
+        message = f"{failure}; not run again unless its line in {store.failed.path}"
+        print(f"companion: {message} is deleted", file=sys.stderr)
     return [trial for trial in trials if trial.key not in failed]
 
 
@@ -167,33 +164,24 @@ class _Runner(NamedTuple):
         folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
 
         def show(trial: Trial, tested: CurvePoint) -> None:
-            self.bar.set_postfix(
-                samples=tested.samples,
-                test_loss=f"{tested.test_loss:.4g}",
-                refresh=False,
-            )
+            shown = {"samples": tested.samples, "test_loss": f"{tested.test_loss:.4g}"}
+            self.bar.set_postfix(shown, refresh=False)
 
         for group in bundles(trials):
             if time.monotonic() >= until:
                 return
-            rows = run_bundle(
-                group,
-                slots,
-                self.data,
-                folder,
-                show,
-                self.report_failure,
-                self.device,
-                until,
-            )
-            for row in rows:
+            for trial, result in run_bundle(
+                group, slots, self.data, folder, show, self.device, until
+            ):
                 try:
-                    self.store_result(row, folder(row.trial))
-                except StoreError as error:
-                    self.report_failure(row.trial, error)
+                    if isinstance(result, Exception):
+                        raise result
+                    self.store_result(result, folder(trial))
+                except Exception as error:
+                    self.report_failure(trial, error)
 
     def run_single(self, trials: list[Trial], executor: Executor) -> None:
-        """Run trials and store each as soon as it is done."""
+        """Run each trial by itself on the executor."""
         work = functools.partial(run_trial, device=self.device)
         folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
         futures = {
@@ -233,18 +221,17 @@ def run_here(
     if stored is not None and not stored.provenance.stale:
         return stored
     refuse_missing_motion([trial], data)
-    refuse_other_motion(_shared([trial]), data, store.folder)
-    with progress_bar(
-        trial.training.max_samples, str(trial), "sample", progress, scaled=True
-    ) as bar:
+    _refuse_other_motion([trial], data, store)
+    most, folder = trial.training.max_samples, checkpoint_folder(data, trial)
+    with progress_bar(most, str(trial), "sample", progress, scaled=True) as bar:
 
         def show(tested: CurvePoint) -> None:
             bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)
             bar.update(tested.samples - bar.n)
 
-        row = run_trial(trial, data, checkpoint_folder(data, trial), show, device)
+        row = run_trial(trial, data, folder, show, device)
     store.put(row)
-    shutil.rmtree(checkpoint_folder(data, trial), ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
     if isinstance(row, Failure):
         raise TrainingError(row.what, float(row.loss), row.iteration)
     return row

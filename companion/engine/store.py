@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from companion.engine import known_motion
 from companion.engine.frame import frame_of
@@ -19,34 +19,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Failures(Records[Failure]):
-    """The failures under a folder of results."""
-
-    subject = "trial"
-
-
 class Results(Records[Row]):
     """The rows under a folder of results, by trial, and the failures.
 
-    Args:
-        folder: of the results; it need not exist.
+    The folder need not exist.
     """
 
-    subject = "trial"
-
     def __init__(self, folder: str | Path = "results") -> None:
-        super().__init__(Row, folder, "trials", "companion run")
-        self.failed = Failures(Failure, folder, "failures", "companion run")
-
-    def _split(self, values: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-        outcome = values["outcome"]
-        curves = {name: outcome[name] for name in CURVES if outcome[name]}
-        short = {k: v for k, v in outcome.items() if k not in CURVES}
-        return {**values, "outcome": short}, curves
-
-    def _joined(self, values: dict[str, Any], curves: dict[str, Any]) -> dict[str, Any]:
-        empty = dict.fromkeys(CURVES, ())
-        return {**values, "outcome": empty | values["outcome"] | curves}
+        where = folder, "trials", "companion run", "trial", CURVES
+        super().__init__(Row, *where)
+        self.failed = Records(Failure, folder, "failures", "companion run", "trial")
 
     def put(self, record: Row | Failure) -> Path:
         """Store a row or a failure, in place of an earlier one of the same trial.
@@ -57,7 +39,7 @@ class Results(Records[Row]):
         if isinstance(record, Failure):
             return self.failed.put(record)
         path = super().put(record)
-        self.failed.lines.drop(record.trial.key)
+        self.failed.drop(record.trial)
         return path
 
     def rows(self, trials: Iterable[Trial]) -> list[Row]:
@@ -81,10 +63,11 @@ class Results(Records[Row]):
         Raises:
             OtherMotion: they were made with motion that differs by more than rounding.
         """
-        values = self._values()
-        keys = values if trials is None else (trial.key for trial in trials)
-        rows = [self._read(values[key], curves) for key in keys if key in values]
-        self.refuse_mixed(rows)
+        keys = self.keys() if trials is None else [trial.key for trial in trials]
+        found = [self.of_key(key, curves) for key in keys]
+        rows = [row for row in found if row is not None]
+        seen = (row.provenance.digests for row in rows)
+        known_motion.refuse_mixed(seen, self.folder)
         return frame_of(rows, self.folder, curves)
 
     def take_in(self, other: Results) -> int:

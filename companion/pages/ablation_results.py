@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.store import Results
-from companion.grids import grid
 from companion.pages.page import Page
+from companion.registry import grid
 from companion.studies import ablations
 from companion.study import Study
 from companion.trials import Trial

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import pandas as pd
 
 from companion.engine.store import Results
-from companion.grids import grid
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
 from companion.pages.page import glued
+from companion.registry import grid
 from companion.statistics import claims
 from companion.statistics.savings import savings
 from companion.studies.decisive import figure3, figure4, verdicts

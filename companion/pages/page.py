@@ -14,10 +14,10 @@ from IPython.core.formatters import format_display_data
 from IPython.core.getipython import get_ipython
 from IPython.display import Markdown, display
 
-from companion.grids import find_figure
 from companion.pages.markdown import made_here
 from companion.pages.notebook import enter_project, find_notebook, project_root
 from companion.pages.parameters import inspect, refuse_out_of_range
+from companion.registry import find_figure
 from sidm.config import conform
 
 #: `{name}` in the text of a page, or such braces in an equation, a role, a directive.

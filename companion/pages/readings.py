@@ -15,8 +15,8 @@ import pandas as pd
 
 from companion.engine.store import Results
 from companion.figures.style import system_label
-from companion.grids import grid
 from companion.methods import METHODS
+from companion.registry import grid
 from companion.statistics import claims
 from companion.statistics.intervals import FEWEST_SEEDS
 from companion.statistics.pairs import paired_comparison

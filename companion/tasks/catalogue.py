@@ -9,9 +9,9 @@ other bodies; real robots are a Husky and a Warthog.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from sidm.config import ConfigError, config, replace, unknown_name
 from sidm.drives import Drive, minutes_of
 from sidm.shards import trajectories_for
 from sidm.systems import FAMILY_PAIRS, FREE_SYSTEMS, PAPER_SYSTEMS
+
+if TYPE_CHECKING:
+    from companion.tasks.trial import EntryResult
 
 RECORDINGS = Path("recordings")
 ROBOTS = ("husky", "warthog")  # recorded, of the body in skid_steer.yaml
@@ -125,35 +128,26 @@ def load_task(
 ) -> TaskData:
     """The motion of a task; simulated motion that is missing is simulated.
 
-    Args:
-        task: the task.
-        seed: which of the novice's drives are learnt from; for recorded robots also
-            which judge.
-        data: folder of simulated motion.
-        workers: processes that simulate.
-        progress: whether to show bars while motion is simulated.
+    The seed says which of the novice's drives are learnt from, and for recorded robots
+    also which judge. Simulated motion lies under `data`.
     """
     if not task.pair:
         return _read(task, seed)
     from sidm.simulation import simulate
 
-    folder = Path(data) / "benchmark"
     drives_of = functools.partial(
-        simulate, task.pair, folder=folder, workers=workers, progress=progress
+        simulate,
+        task.pair,
+        folder=Path(data) / "benchmark",
+        workers=workers,
+        progress=progress,
     )
-    return _simulated_data(task, seed, drives_of)
-
-
-def _simulated_data(
-    task: Task, seed: int, drives_of: Callable[[str, float, int], list[Drive]]
-) -> TaskData:
-    """The motion of a simulated task; `drives_of` takes role, minutes and seed."""
     pool = drives_of("novice", POOL_MINUTES, POOL_SEED)
     order = np.random.default_rng(seed).permutation(len(pool))
     chosen = [pool[n] for n in order[: trajectories_for(task.minutes)]]
     validation = drives_of("novice", task.validation_minutes, VALIDATION_SEED)
     expert = drives_of("expert", task.expert_minutes, EXPERT_SEED)
-    body = ROVER if task.novice == "rover" else NOVICES[task.novice]
+    _, body = bodies(task)
     chosen, validation = (_as_body(drives, body) for drives in (chosen, validation))
     return TaskData(_own_sessions(chosen), _own_sessions(expert), validation)
 
@@ -194,6 +188,13 @@ def recorded_body() -> Body:
     return read_body(RECORDINGS / "skid_steer.yaml")
 
 
+def bodies(task: Task) -> tuple[Body, Body]:
+    """The bodies of the expert and of the novice."""
+    if not task.pair:
+        return recorded_body(), recorded_body()
+    return ROVER, ROVER if task.novice == "rover" else NOVICES[task.novice]
+
+
 @functools.cache
 def _robot(name: str) -> list[Drive]:
     """All drives of a recorded robot."""
@@ -210,3 +211,49 @@ def _read(task: Task, seed: int) -> TaskData:
         if minutes_of(novice) >= task.minutes:
             break
     return TaskData(novice, _robot(task.expert), validation)
+
+
+YARDSTICKS = {"mean": "the mean", "nothing_changes": "nothing changes"}
+
+
+def card(task: Task, results: Sequence[EntryResult] = ()) -> str:
+    """The robots, their sensors, how much motion, and the losses of two yardsticks."""
+    expert, novice = bodies(task)
+    whose = f"{task.expert} (expert) and {task.novice} (novice), recorded"
+    if task.pair:
+        whose = f"{task.pair}: its expert and its novice"
+    amount = f"{task.expert_minutes:g} min" if task.expert_minutes else "all drives"
+    lines = [
+        task.name,
+        f"  robots      {whose}",
+        f"  novice      {_sensors(novice)}",
+        f"  expert      {_sensors(expert) if expert != novice else 'the same'}",
+        f"  motion      {task.minutes:g} min of the novice, {amount} of the expert",
+        f"  predicted   {', '.join(novice.targets)}",
+        f"  noise       {_noise(task)}",
+    ]
+    for method, name in YARDSTICKS.items():
+        own = [r for r in results if (r.about.task, r.about.method) == (task, method)]
+        losses = [r.loss for r in own if r.loss is not None]
+        known = f"{np.mean(losses):.3g}" if losses else f"run 'bench {method}'"
+        lines.append(f"  {name:16} loss {known}")
+    return "\n".join(lines)
+
+
+def _sensors(body: Body) -> str:
+    """Columns, commands and map of a body."""
+    columns = ", ".join(name for name, _ in body.columns)
+    commands = ", ".join(name for name, _ in body.actions)
+    ground = f", a height map of {body.map_size:g} m" if body.map_size else ""
+    return f"{columns}{ground}; commands {commands}; pose {body.pose}"
+
+
+def _noise(task: Task) -> str:
+    """What no model can predict: the sensors' noise."""
+    if task.pair:
+        return "none: the simulator's states are exact"
+    from companion.studies.real_robots import jitter
+    from companion.studies.real_robots.measure import robot
+
+    least, _ = jitter.floor(robot(task.novice)).loss
+    return f"the jitter of the poses alone costs a loss of {least:.2g}"

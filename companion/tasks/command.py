@@ -46,21 +46,21 @@ def run_bench(arguments: argparse.Namespace) -> int:
     Returns:
         The exit status: 1 when a trial is missing, or a check finds other errors.
     """
-    from companion.tasks.catalogue import SEEDS, find_tasks
+    from companion.tasks.catalogue import SEEDS, card, find_tasks
     from companion.tasks.run import entries, newest, records, run
     from companion.tasks.trial import LIMIT
 
     if (arguments.check or arguments.list) and (arguments.page or arguments.csv):
         raise ConfigError("--page and --csv write the table: without --check or --list")
     tasks, seeds = find_tasks(arguments.tasks), arguments.seeds or SEEDS
-    store = records(arguments.results)
+    limit, store = arguments.limit or LIMIT, records(arguments.results)
     if arguments.list:
-        _print_cards(tasks, store.all())
+        results = store.all()
+        print("\n\n".join(card(task, results) for task in tasks))
         return 0
     if arguments.check:
-        return _check(
-            arguments, [row for row in store.all() if row.about.task in tasks]
-        )
+        stored = [row for row in store.all() if row.about.task in tasks]
+        return _check(arguments, stored, limit)
     status = 0
     if arguments.methods:
         with executor_at(arguments.dask) as executor:
@@ -72,7 +72,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
                 results=arguments.results,
                 workers=arguments.workers,
                 executor=executor,
-                limit=arguments.limit or LIMIT,
+                limit=limit,
                 retry=arguments.retry,
             )
         wanted = entries(arguments.methods, tasks, seeds)
@@ -107,10 +107,8 @@ def _print_table(arguments: argparse.Namespace, results) -> None:
     elif table.tasks.nunique() > 1:
         print("note: some scores are over fewer tasks; '--tasks' takes a group")
     for row in frame[~frame.status.isin(NO_FAILURE)].itertuples():
-        print(
-            f"note: {row.method}, {row.task}, seed {row.seed}: "
-            f"{row.status}: {row.message}"
-        )
+        where = f"{row.method}, {row.task}, seed {row.seed}"
+        print(f"note: {where}: {row.status}: {row.message}")
     if arguments.csv:
         frame.to_csv(arguments.csv, index=False, float_format="%.6g")
     if arguments.page:
@@ -118,39 +116,23 @@ def _print_table(arguments: argparse.Namespace, results) -> None:
         print(f"page: {arguments.page}")
 
 
-def _print_cards(tasks, results) -> None:
-    """Print what each task is, a few lines a task."""
-    from companion.tasks.cards import card
-
-    print("\n\n".join(card(task, results) for task in tasks))
-
-
-def _check(arguments: argparse.Namespace, results) -> int:
+def _check(arguments: argparse.Namespace, results, limit: float) -> int:
     """Run the quickest stored trial of each method again, and compare the errors."""
     from companion.tasks.run import check
-    from companion.tasks.trial import LIMIT
 
     if not arguments.methods:
         raise ConfigError("--check needs a method, as FILE.py:CLASS")
     status = 0
     for name in arguments.methods:
-        stored, again = check(
-            name,
-            results,
-            data=arguments.data,
-            workers=arguments.workers,
-            limit=arguments.limit or LIMIT,
-        )
-        same = True
+        stored, again = check(name, results, arguments.data, arguments.workers, limit)
         print(f"{name}, {stored.about.task.name}, seed {stored.about.seed}:")
+        same = True
         for value in ("status", "loss", "position", "heading"):
             before, now = getattr(stored, value), getattr(again, value)
             close = _close(before, now)
-            print(
-                f"  {value:8}  stored {_shown(before)}, again {_shown(now)}"
-                f"{'' if close else ': NOT the same'}"
-            )
             same &= close
+            line = f"  {value:8}  stored {_shown(before)}, again {_shown(now)}"
+            print(line if close else f"{line}: NOT the same")
         if same:
             print("  the same")
         status |= not same

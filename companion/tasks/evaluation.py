@@ -33,14 +33,10 @@ class Refused(Exception):
 
 
 def evaluate(model: FittedModel, motion: TaskData) -> dict[str, Any]:
-    """Loss and open-loop errors of a model on the drives that judge.
+    """Loss and open-loop errors of a model on the drives that judge, or Refused.
 
-    Returns:
-        Fields of an `EntryResult`: `loss` and `components`, and where the body has a
-        pose `position` and `heading`.
-
-    Raises:
-        Refused: the model does not count.
+    They are fields of an `EntryResult`: `loss` and `components`, and where the body has
+    a pose `position` and `heading`.
     """
     drives, body = motion.validation, motion.validation[0].body
     targets = [_targets(drive) for drive in drives]
@@ -65,14 +61,16 @@ def _targets(drive: Drive) -> Tensor:
 def _predictions(model: FittedModel, drive: Drive) -> np.ndarray:
     """Predicted transitions (K, Y), float64, checked."""
     predicted = np.asarray(model.predict(drive), float)
-    expected = (len(drive), len(drive.body.targets))
-    if predicted.shape != expected:
-        raise Refused(
-            "wrong shape", f"predictions of shape {predicted.shape}, not {expected}"
-        )
+    _refuse_shape(predicted, "predictions", len(drive), len(drive.body.targets))
     if not np.isfinite(predicted).all():
         raise Refused("not finite", f"{drive.name}: a prediction is not finite")
     return predicted
+
+
+def _refuse_shape(values: np.ndarray, what: str, *expected: int) -> None:
+    if values.shape != expected:
+        text = f"{what} of shape {values.shape}, not {expected}"
+        raise Refused("wrong shape", text)
 
 
 def _refuse_peeking(
@@ -128,16 +126,14 @@ def _open_loop(
 def _path(model: FittedModel, drive: Drive, first: int, steps: int) -> np.ndarray:
     """Open-loop states (K + 1, S), float64, of a part of a drive, checked."""
     if not hasattr(model, "rollout"):
-        return derived_rollout(model, drive, first, steps)
+        return _derived_rollout(model, drive, first, steps)
     actions = drive.actions[first : first + steps]
     path = np.asarray(model.rollout(drive.states[first], actions, drive.ground), float)
-    expected = (steps + 1, drive.states.shape[1])
-    if path.shape != expected:
-        raise Refused("wrong shape", f"a rollout of shape {path.shape}, not {expected}")
+    _refuse_shape(path, "a rollout", steps + 1, drive.states.shape[1])
     return path
 
 
-def derived_rollout(
+def _derived_rollout(
     model: FittedModel, drive: Drive, first: int, steps: int
 ) -> np.ndarray:
     """Open-loop states (K + 1, S) of a model that has no `rollout` of its own.

@@ -133,16 +133,15 @@ def load_method(name: str) -> EnteredMethod:
     try:
         spec.loader.exec_module(module)
     except Exception as error:  # anything may be wrong in the file
-        raise ConfigError(
-            f"{file}: cannot be imported ({type(error).__name__}: {first_line(error)})"
-        ) from None
+        raise _refused(f"{file}: cannot be imported", error) from None
     kinds = {n: v for n, v in vars(module).items() if hasattr(v, "fit")}
     if class_name not in kinds:
         raise unknown_name(class_name, kinds, file, "class with 'fit'")
     try:
         return kinds[class_name]()
     except Exception as error:  # as above
-        raise ConfigError(
-            f"{name}: cannot be made without arguments "
-            f"({type(error).__name__}: {first_line(error)})"
-        ) from None
+        raise _refused(f"{name}: cannot be made without arguments", error) from None
+
+
+def _refused(what: str, error: Exception) -> ConfigError:
+    return ConfigError(f"{what} ({type(error).__name__}: {first_line(error)})")

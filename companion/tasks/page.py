@@ -31,9 +31,10 @@ def write_page(frame: pd.DataFrame, path: Path) -> None:
 
     It has a table for each group of tasks with rows, and one for all.
     """
+    rows = frame.sort_values(["method", "task", "seed"]).to_dict("records")
     values = {
         "groups": [_group(frame, *group) for group in groups_of(frame).items()],
-        "rows": [_plain(row) for row in _sorted(frame).to_dict("records")],
+        "rows": [_plain(row) for row in rows],
     }
     template = resources.files(__package__).joinpath("page.html").read_text("utf-8")
     page = string.Template(template).substitute(
@@ -57,21 +58,19 @@ def groups_of(frame: pd.DataFrame) -> dict[str, list[str]]:
 
 
 def _group(frame: pd.DataFrame, title: str, tasks: list[str]) -> dict[str, Any]:
-    """The tables of a group of tasks."""
+    """The tables of a group of tasks; scores by task are methods by tasks."""
     trials = frame[frame.task.isin(tasks)]
     table = score_table(trials)
     methods = list(table.method)
+    scores = np.exp(task_scores(trials)).T.reindex(index=methods, columns=tasks)
+    values = [[_number(value) for value in row] for row in scores.to_numpy(float)]
     return {
         "title": title,
         "names": tasks,
         "methods": [_method_row(row) for row in table.to_dict("records")],
-        "tasks": _matrix(trials, methods, tasks),
+        "tasks": {"tasks": tasks, "methods": methods, "values": values},
         "apart": _apart(trials, methods),
     }
-
-
-def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame.sort_values(["method", "task", "seed"])
 
 
 def _method_row(row: dict[str, Any]) -> dict[str, Any]:
@@ -80,15 +79,6 @@ def _method_row(row: dict[str, Any]) -> dict[str, Any]:
     saved = f"{row['data_bound']}{row['data_ratio']:.2g}"
     texts = {"score": interval.text(3), "data_ratio": saved.replace("nan", "")}
     return _plain(row) | {"shown": texts}
-
-
-def _matrix(
-    frame: pd.DataFrame, methods: list[str], tasks: list[str]
-) -> dict[str, Any]:
-    """Scores of the methods (rows) on the tasks (columns)."""
-    scores = np.exp(task_scores(frame)).T.reindex(index=methods, columns=tasks)
-    values = [[_number(v) for v in row] for row in scores.to_numpy(float)]
-    return {"tasks": tasks, "methods": methods, "values": values}
 
 
 def _apart(frame: pd.DataFrame, methods: list[str]) -> str:

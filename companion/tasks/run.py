@@ -6,6 +6,7 @@ import functools
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 from companion.engine.records import records_of
 from companion.tasks.catalogue import SEEDS, Task, load_task
@@ -62,10 +63,9 @@ def run(
     for task in dict.fromkeys(entry.task for entry in missing):
         # motion is simulated once, outside the limit of a trial
         load_task(task, 0, data, workers=workers, progress=progress)
-    work = functools.partial(
-        _one, names=wanted, data=data, limit=limit, folder=Path.cwd()
-    )
-    own = ThreadPoolExecutor(workers) if executor is None else None
+    where: dict[str, Any] = {"data": data, "limit": limit, "folder": Path.cwd()}
+    work = functools.partial(_one, names=wanted, **where)
+    own = None if executor else ThreadPoolExecutor(workers)
     try:
         store.run(missing, work, executor or own, "benchmark", progress)  # type: ignore[arg-type]
     finally:
@@ -74,14 +74,8 @@ def run(
     return store.stored(wanted)
 
 
-def _one(
-    about: Entry,
-    names: dict[Entry, str],
-    data: str | Path,
-    limit: float,
-    folder: Path,
-) -> EntryResult:
-    return run_trial(about, names[about], data, limit, folder)
+def _one(about: Entry, names: dict[Entry, str], **where: Any) -> EntryResult:
+    return run_trial(about, names[about], **where)
 
 
 def check(
@@ -91,17 +85,12 @@ def check(
     workers: int = 1,
     limit: float = LIMIT,
 ) -> tuple[EntryResult, EntryResult]:
-    """Run a stored trial of a method again: the quickest, a failed one only if all are.
+    """A stored trial of a method, and what it gives when it is run again.
 
-    Returns:
-        The stored result and the new one.
+    It is the quickest one; a failed one only if all are.
     """
-    method = find_method(name)
-    stored = [
-        result
-        for result in results
-        if (result.about.method, result.about.code) == (method.name, method.code)
-    ]
+    method = tuple(find_method(name))
+    stored = [r for r in results if (r.about.method, r.about.code) == method]
     if not stored:
         raise ConfigError(f"no trial of {name} as it is now is stored for these tasks")
     chosen = min(stored, key=lambda row: (row.status != "ok", row.provenance.seconds))

@@ -2,27 +2,33 @@
 
 A method's score on a task is its loss divided by that of least squares on the novice
 alone, with the same drives; over tasks it is the geometric mean. Intervals and tests
-are about other drives of the same robots: a seed draws drives anew, and the sizes of a
-pair of robots share them, so that a pair and a seed give one value.
+are about other drives of the same robots: what varies is which drives a seed draws. A
+pair of robots and a seed give one value, the mean over their sizes, which share drives.
+Each pair has a variance of its own (Satterthwaite, Biometrics 2, 1946). Seeds only
+divide the drives of recorded robots anew, which adds to the variance (Nadeau and
+Bengio, Machine Learning 52, 2003).
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from companion.statistics.intervals import holm
-from companion.tasks.catalogue import SEEDS
-from companion.tasks.intervals import mean_of
+from companion.tasks.catalogue import HELD_OUT, RECORDED_PAIRS, SEEDS
 from companion.tasks.trial import NO_FAILURE, EntryResult
 from ownrobot.comparison.statistics import CONFIDENCE, Interval
 
 REFERENCE = "least_squares"  # whose loss is 1
 ALONE = "novice_only"  # whose data ratio at RATIO_MINUTES is 1
 RATIO_MINUTES = 5.0
+RECORDED = {f"{expert} to {novice}" for novice, expert in RECORDED_PAIRS}
+#: Variance that dividing the same drives anew adds, in variances of one seed's value.
+DIVIDED_ANEW = HELD_OUT / (1 - HELD_OUT)
 INDEX = "robots", "task", "seed"
 #: What is measured: fields of an `EntryResult`, two words and numbers.
 MEASURED = "status", "message", "loss", "position", "heading", "seconds", "memory"
@@ -30,6 +36,63 @@ MEASURED = "status", "message", "loss", "position", "heading", "seconds", "memor
 NONE = pd.Series(
     dtype=float, index=pd.MultiIndex.from_arrays(3 * [[]], names=list(INDEX))
 )
+
+
+class Mean(NamedTuple):
+    """A mean of logarithms.
+
+    Attributes:
+        value: the mean; NaN without values
+        error: its standard error; NaN if a pair of robots has one seed alone
+        freedom: degrees of freedom of the error
+    """
+
+    value: float
+    error: float
+    freedom: float
+
+    @property
+    def interval(self) -> Interval:
+        """The geometric mean with its 95 % interval."""
+        from scipy import stats  # here, since it takes long to import
+
+        reach = stats.t.ppf((1 + CONFIDENCE) / 2, self.freedom) * self.error
+        ends = (self.value + d for d in (0.0, -reach, reach))
+        return Interval(*(float(np.exp(end)) for end in ends))
+
+    @property
+    def p(self) -> float:
+        """Two-sided p-value of Student's test that the mean is 0."""
+        from scipy import stats
+
+        return float(2 * stats.t.sf(abs(self.value) / self.error, self.freedom))
+
+
+def mean_of(logs: pd.Series) -> Mean:
+    """The mean over tasks, and how certain it is.
+
+    Args:
+        logs: logarithms by robots, task and seed, which are levels of the index; NaN
+            are left out. Of a pair of robots, seeds that lack one of its tasks are not
+            used.
+    """
+    means, variances, sizes, counts = [], [], [], []
+    for robots, own in logs.dropna().groupby("robots"):
+        tasks = own.unstack("task").dropna()
+        by_seed, count = tasks.to_numpy().mean(1), len(tasks)
+        means.append(by_seed.mean() if count else np.nan)
+        spread = by_seed.var(ddof=1) if count > 1 else np.nan
+        shared = DIVIDED_ANEW if robots in RECORDED else 0.0
+        variances.append(spread * (1 / max(count, 1) + shared))
+        sizes.append(tasks.shape[1])
+        counts.append(count)
+    if not means:
+        return Mean(np.nan, np.nan, np.nan)
+    weights, free = np.array(sizes) / sum(sizes), np.array(counts) - 1
+    parts = weights**2 * np.array(variances)
+    squares = (parts**2 / np.maximum(free, 1)).sum()
+    freedom = parts.sum() ** 2 / squares if squares > 0 else float(free.sum())
+    return Mean(float(weights @ np.array(means)), float(parts.sum() ** 0.5), freedom)
 
 
 def results_frame(results: Iterable[EntryResult]) -> pd.DataFrame:
@@ -83,10 +146,9 @@ def mean_ratio(
     value: str = "loss",
     other: str = REFERENCE,
 ) -> Interval:
-    """A method's loss or error divided by another's, geometric mean over tasks.
+    """A method's loss or error divided by another's; NaN without results of both.
 
-    Returns:
-        The mean with its interval; NaN without results of both.
+    It is the geometric mean over tasks, with its interval.
     """
     logs = log_ratios(frame[frame.task.isin([*tasks])], value)
     logs = logs.reindex(columns=[method, other])
@@ -128,10 +190,8 @@ def scores_by_group(
 ) -> pd.DataFrame:
     """Scores over groups of tasks: a row for each method, a column for each group.
 
+    They are intervals; None for a method without a score on one of the group's tasks.
     The best method of the first group is first, one without a score there last.
-
-    Returns:
-        Intervals; None for a method without a score on one of the group's tasks.
     """
     columns = {}
     for name, tasks in groups.items():

@@ -285,7 +285,7 @@ def recorded_unbeaten(book: Book) -> bool:
 )
 def corrected_beats_tuned(book: Book) -> bool:
     """The expert's network, corrected, below the same network fine-tuned."""
-    from companion.tasks.intervals import mean_of
+    from companion.tasks.scores import mean_of
 
     for task in GROUPS["held"] + GROUPS["family"]:
         logs = log_ratios(book.benchmark[book.benchmark.task == task.name])

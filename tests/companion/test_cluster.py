@@ -3,7 +3,6 @@
 One of its workers is killed, and one is added later.
 """
 
-import importlib
 import json
 import subprocess
 import sys
@@ -68,19 +67,17 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     assert main(["collect", *common, *there, "--dask", address]) == 0
     digests = capsys.readouterr().out
 
-    # the package has a function of that name
-    module = importlib.import_module("companion.engine.run")
-    keep, victim = module._Runner.store_result, processes[1]
+    put, victim = Results.put, processes[1]
 
-    def keep_and_disturb(*row):
-        keep(*row)
+    def put_and_disturb(*row):
+        put(*row)
         if victim.poll() is None:  # while others are at work
             victim.kill()
             victim.wait()
             processes.append(worker(address, tmp_path))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module._Runner, "store_result", keep_and_disturb)
+        patch.setattr(Results, "put", put_and_disturb)
         assert main(["run", *common, *there, "--dask", address]) == 0
     assert victim.wait() < 0 and len(processes) == 4
     assert main(["run", *common, *here]) == 0

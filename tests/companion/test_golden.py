@@ -10,9 +10,9 @@ from tests.golden import FILE, Golden
 CURVE = [[1.0, 2.0], [3.0, 4.0]]
 
 
-@pytest.fixture
-def hold(tmp_path):
-    """Function that holds a loss against the stored one, 0.123."""
+def test_figures_are_held_and_written_over_where_a_version_was_raised(
+    tmp_path, monkeypatch
+):
     path = tmp_path / "golden.json"
 
     def hold(loss, rel=0.001, write=False):
@@ -21,21 +21,12 @@ def hold(tmp_path):
         return json.loads(path.read_text())["one"]
 
     hold(0.123, write=True)
-    return hold
-
-
-def test_figures_are_held_to_their_tolerance_and_not_written_over(hold):
     hold(0.124, rel=0.01)
+    words = r"one: loss is 0.2.*raise NUMERICS\['training'\] .* 'make golden'"
     for write in (False, True):
-        with pytest.raises(
-            AssertionError,
-            match=r"one: loss is 0.2.*raise NUMERICS\['training'\] .* 'make golden'",
-        ):
+        with pytest.raises(AssertionError, match=words):
             hold(0.2, write=write)
     assert hold(0.123)["figures"]["loss"] == 0.123
-
-
-def test_a_raised_version_asks_for_new_figures(hold, monkeypatch):
     monkeypatch.setitem(numerics.NUMERICS, "training", 2)
     with pytest.raises(AssertionError, match="'make golden' writes it"):
         hold(0.2)

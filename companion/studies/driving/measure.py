@@ -17,8 +17,8 @@ import numpy as np
 
 from companion.beyond.drivers import Driver, drive_episode
 from companion.beyond.planning import ModelImagination, Planner, Planning
+from companion.engine.execute import predictor_of
 from companion.engine.library import Library
-from companion.engine.models import predictor_of
 from companion.engine.outcomes import evaluate
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of

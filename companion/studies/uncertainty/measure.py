@@ -30,8 +30,8 @@ from companion.beyond.particles import (
     particle_rollout,
     path_coverage,
 )
+from companion.engine.execute import model_of
 from companion.engine.library import Library
-from companion.engine.models import model_of
 from companion.engine.outcomes import ROLLOUT_STEPS, as_lists, curve, evaluate
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, records_of

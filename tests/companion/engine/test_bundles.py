@@ -1,4 +1,4 @@
-"""Bundles of stored trials, failures that are kept, and event files."""
+"""Bundles of stored trials, and failures that are kept."""
 
 import dataclasses
 import shutil
@@ -6,20 +6,19 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from companion import Failure, Results, run, run_trial
+from companion import Results, run, run_trial
 from companion.__main__ import main
 from companion.engine import bundles as bundled
 from companion.engine.bundles import bundles, fits
 from companion.engine.run import checkpoint_folder, run_here
-from sidm.config import ConfigError
+from companion.methods import ANY_BODIES, FIGURE3
+from sidm.config import ConfigError, replace
 from sidm.learning import TrainingError
 
 
 def diverging(trial):
     """The same trial with learning rates that make the loss infinite."""
-    return trial.replace(
-        training=dataclasses.replace(trial.training, learning_rate=1e11)
-    )
+    return trial.replace(training=replace(trial.training, learning_rate=1e11))
 
 
 def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
@@ -31,67 +30,72 @@ def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
     assert all(map(fits, trials)) and sorted(map(len, bundles(trials))) == [2, 4]
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
     for trial, row in zip(trials, store.rows(trials), strict=True):
-        alone = run_trial(trial, data).outcome
-        assert row.provenance.bundle == 2
-        assert "bundle" in row.provenance.numerics
-        assert not row.provenance.stale
-        assert row.outcome.validation_loss == pytest.approx(
-            alone.validation_loss, rel=1e-3
-        )
-        assert row.outcome.curve_test_loss == pytest.approx(
-            alone.curve_test_loss, rel=1e-3
-        )
+        alone, made, out = run_trial(trial, data).outcome, row.provenance, row.outcome
+        assert made.bundle == 2 and "bundle" in made.numerics and not made.stale
+        assert out.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
+        assert out.curve_test_loss == pytest.approx(alone.curve_test_loss, rel=1e-3)
         # grows over 25 steps
-        assert row.outcome.position_error == pytest.approx(
-            alone.position_error, rel=0.1
-        )
-        assert (row.outcome.samples, row.outcome.pretraining_samples) == (
-            alone.samples,
-            alone.pretraining_samples,
-        )
+        assert out.position_error == pytest.approx(alone.position_error, rel=0.1)
+        assert out.samples == alone.samples
+        assert out.pretraining_samples == alone.pretraining_samples
         assert not checkpoint_folder(data, trial, "bundle").exists()
 
 
 def test_what_goes_into_one_bundle(study):
     """A bundle has one system, network, loop and pretraining; the longest go first."""
     trials = study.figure3("system1") + study.figure3("system2")
-    other = trials[0].replace(training=dataclasses.replace(trials[0].training, batch=5))
+    other = trials[0].replace(training=replace(trials[0].training, batch=5))
     groups = bundles([*trials, other])
     assert sorted(map(len, groups)) == [1, 1, 2, 2, 4] and [other] in groups
     expected = [0.75, 0.75, 0.25, 0.25]
     assert [trial.novice_minutes for trial in max(groups, key=len)] == expected
 
 
+def test_bundles_take_methods_of_one_loop_and_refuse_others(study, data, tmp_path):
+    """What no bundle can train is run alone beside the bundles."""
+
+    def trial(method):
+        return study.trial("system1", method, 0.75)
+
+    for method in (*FIGURE3, *ANY_BODIES, "finetune_parts"):
+        assert fits(trial(method))
+    for method in ("pooled", "mmd", "residual", "expert_only", "least_squares"):
+        with pytest.raises(ConfigError, match=f"{method} .*train it alone"):
+            bundles([trial(method)])
+    trials = [trial("sidm"), trial("pooled")]
+    store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
+    assert [row.provenance.bundle for row in store.rows(trials)] == [2, 0]
+
+
 @pytest.mark.parametrize("bundle", [0, 2])
-def test_a_failure_is_kept_and_not_repeated(study, data, tmp_path, capsys, bundle):
+def test_a_failure_is_kept_and_not_repeated(
+    study, data, tmp_path, capsys, bundle, make_row
+):
     """A failure is stored with its iteration, and the other trials go on.
 
-    The trial is tried again with other code or after its file was deleted.
+    The trial is tried again with other code; a later success replaces the failure.
     """
     good, bad = study.figure3("system1")[1], diverging(study.figure3("system1")[0])
     with ThreadPoolExecutor(1) as pool:
-        options = dict(
-            executor=None if bundle else pool,
-            data=data,
-            results=tmp_path,
-            progress=False,
-            bundle=bundle,
-        )
+        where = dict(bundle=bundle) if bundle else dict(executor=pool)
+        options = dict(data=data, results=tmp_path, progress=False, **where)
         store = run([bad, good], **options)
         assert store.missing([bad, good]) == [bad]
         (failure,) = store.failures([bad, good])
-        assert failure.trial == bad
+        assert failure.trial == bad and failure.iteration == 5
         assert failure.loss in ("nan", "inf")
-        assert failure.iteration == 5
-        message = (
-            f"companion: {bad}: failed, the {failure.what} loss was {failure.loss} "
-            "after 5 iterations"
-        )
-        assert capsys.readouterr().err.strip() == message
-        written = store.failed.lines.path.stat().st_mtime_ns
+        said = f"companion: {bad}: failed, the {failure.what} loss was {failure.loss} "
+        assert capsys.readouterr().err.strip() == f"{said}after 5 iterations"
+        written = store.failed.path.stat().st_mtime_ns
         run([bad], **options)
         assert "not run again unless" in capsys.readouterr().err
-    assert store.failed.lines.path.stat().st_mtime_ns == written
+    assert store.failed.path.stat().st_mtime_ns == written
+    made = replace(failure.provenance, numerics={"bundle": 0})
+    old = replace(failure, provenance=made)
+    store.put(old)
+    assert store.failed.get(bad) == old and store.failures([bad]) == []
+    store.put(make_row(bad))
+    assert store.failed.get(bad) is None and store.missing([bad]) == []
 
 
 def test_one_fault_in_a_bundle_loses_no_other(
@@ -108,9 +112,8 @@ def test_one_fault_in_a_bundle_loses_no_other(
     true = bundled.outcome_of
 
     def evaluate(trial, *rest):
-        return dataclasses.replace(
-            true(trial, *rest), best_test_loss=float("nan" if trial == infinite else 1)
-        )
+        loss = float("nan" if trial == infinite else 1)
+        return dataclasses.replace(true(trial, *rest), best_test_loss=loss)
 
     monkeypatch.setattr(bundled, "outcome_of", evaluate)
     trials = [damaged, infinite, good]
@@ -123,40 +126,17 @@ def test_one_fault_in_a_bundle_loses_no_other(
         assert sum(words in line for line in errors) == 1
 
 
-def test_a_later_success_replaces_a_failure(study, data, tmp_path, make_row):
-    """A failure of other code does not count."""
-    trial, store = diverging(study.figure3("system1")[0]), Results(tmp_path)
-    with pytest.raises(TrainingError, match="after 5 iterations"):
-        run_here(trial, data, store, progress=False)
-    (failure,) = store.failures([trial])
-    old = dataclasses.replace(
-        failure,
-        provenance=dataclasses.replace(failure.provenance, numerics={"bundle": 0}),
-    )
-    assert isinstance(old, Failure)
-    store.put(old)
-    assert store.failed.get(trial) == old and store.failures([trial]) == []
-    store.put(make_row(trial))
-    assert store.failed.get(trial) is None and store.missing([trial]) == []
-
-
 def test_the_command_line(tiny, study, data, tmp_path, capsys, monkeypatch):
     """`run --bundle` stores results; `show` names failures."""
     monkeypatch.setattr("companion.commands._preset", lambda _: tiny)
-    common = (
-        f"--preset smoke --data {data} --results {tmp_path} --system system1".split()
-    )
-    trials = study.figure3("system1")
-    store = Results(tmp_path)
-    with pytest.raises(TrainingError):
-        run_here(diverging(trials[0]), data, store, progress=False)
-    store.put(
-        dataclasses.replace(store.failures([diverging(trials[0])])[0], trial=trials[0])
-    )
-    assert main(["show", *common]) == 0
-    assert f"note: {trials[0]}: failed" in capsys.readouterr().out
-    store.failed.lines.drop(trials[0].key)
-    assert main(["run", *common, "--bundle", "4"]) == 0
+    words = f"--preset smoke --data {data} --results {tmp_path} --system system1"
+    trial, store = study.figure3("system1")[0], Results(tmp_path)
+    with pytest.raises(TrainingError, match="after 5 iterations"):
+        run_here(diverging(trial), data, store, progress=False)
+    (failure,) = store.failures([diverging(trial)])
+    store.put(replace(failure, trial=trial))
+    assert main(["show", *words.split()]) == 0
+    assert f"note: {trial}: failed" in capsys.readouterr().out
+    store.failed.drop(trial)
+    assert main(["run", *words.split(), "--bundle", "4"]) == 0
     assert "6 of 6 trials stored" in capsys.readouterr().out
-    with pytest.raises(ConfigError, match="bundle must not be negative"):
-        run([], bundle=-1, results=tmp_path)

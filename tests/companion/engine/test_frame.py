@@ -20,36 +20,29 @@ def store(study, make_row):
     return store
 
 
-def test_every_value_of_a_row_is_a_column(store):
+def test_every_value_of_a_row_is_a_column(store, study, tmp_path):
+    """Every column says what it is; a file has those that fit in a cell."""
     frame = store.frame(curves=True)
-    assert list(frame.columns) == [name for name, _, _ in columns()]
-    assert frame.index.is_unique
+    names = [name for name, _, _ in columns()]
+    assert list(frame.columns) == names and len(set(names)) == len(names)
+    assert frame.index.is_unique and not frame.stale.any()
     for row in store.all():
-        line = frame.loc[row.trial.key]
+        line, trial = frame.loc[row.trial.key], row.trial
         assert line.validation_loss == row.outcome.validation_loss
-        assert line.seed == row.trial.seed
-        assert line.learning_rate == row.trial.training.learning_rate
-        assert line.pixels == row.trial.network.pixels
+        assert (line.seed, line.pixels) == (trial.seed, trial.network.pixels)
+        assert line.learning_rate == trial.training.learning_rate
         assert line.component_losses == row.outcome.component_losses
         assert line.date == row.provenance.date
-        assert pd.isna(line.pretraining_batch) == (row.trial.pretraining is None)
-        assert not line.stale
-
-
-def test_every_column_says_what_it_is():
-    names = [name for name, _, _ in columns()]
-    assert len(set(names)) == len(names)
+        assert pd.isna(line.pretraining_batch) == (trial.pretraining is None)
     assert all(kind and words for _, kind, words in columns())
     meanings = {name: words for name, _, words in columns()}
     assert "min" in meanings["novice_minutes"]
     assert meanings["own"].endswith("as if the system were an input")
-
-
-def test_trials_that_are_not_stored_have_no_line(store, study, tmp_path):
-    assert list(
-        store.frame(study.points("system1", ["sidm"], [0.25], seeds=5)).seed
-    ) == [0, 1, 2]
+    more = study.points("system1", ["sidm"], [0.25], seeds=5)
+    assert list(store.frame(more).seed) == [0, 1, 2]  # what is not stored has no line
     assert len(Results(tmp_path / "empty").frame()) == 0
+    table = numbers_and_words(store.frame())
+    assert "validation_loss" in table and "component_losses" not in table
 
 
 def test_show_writes_a_table(tmp_path, capsys, monkeypatch):
@@ -61,16 +54,10 @@ def test_show_writes_a_table(tmp_path, capsys, monkeypatch):
     assert "validation_loss" in pd.read_csv("mine.csv").columns
 
 
-def test_a_file_has_what_fits_in_a_cell(store):
-    table = numbers_and_words(store.frame())
-    assert "validation_loss" in table and "component_losses" not in table
-
-
 def test_records_are_a_table_too():
     records = STUDIES["uncertainty"].module.records(RESULTS)
     frame, stored = records.frame(), records.all()
-    assert (
-        list(frame.trial_seed) == [record.about.trial.seed for record in stored] != []
-    )
+    seeds = [record.about.trial.seed for record in stored]
+    assert list(frame.trial_seed) == seeds != []
     assert list(frame.date) == [record.provenance.date for record in stored]
     assert len(records.frame([stored[0].about])) == 1

@@ -13,40 +13,32 @@ from sidm.learning.checkpoint import CheckpointError
 @pytest.fixture
 def trials(study):
     """Both sizes of one seed."""
-    return study.points(
-        "system1", ["pretrain_finetune"], study.preset.novice_minutes("system1")
-    )
+    sizes = study.preset.novice_minutes("system1")
+    return study.points("system1", ["pretrain_finetune"], sizes)
 
 
 def test_the_weights_are_made_once(trials, data):
     """Both sizes share the weights; the outcome counts the expert's samples."""
     first = run_trial(trials[0], data).outcome
-    (made,) = {
-        pretrained.pretrained_folder(trial, data) / "checkpoint.npz" for trial in trials
-    }
-    written = made.stat().st_mtime_ns
+    (folder,) = {pretrained.pretrained_folder(trial, data) for trial in trials}
+    written = (folder / "checkpoint.npz").stat().st_mtime_ns
     second = run_trial(trials[1], data).outcome
-    assert made.stat().st_mtime_ns == written and not (made.parent / "state").exists()
-    assert (
-        first.pretraining_samples
-        == second.pretraining_samples
-        >= trials[0].pretraining.max_samples
-    )
+    assert (folder / "checkpoint.npz").stat().st_mtime_ns == written
+    assert not (folder / "state").exists()
+    samples = first.pretraining_samples
+    assert samples == second.pretraining_samples >= trials[0].pretraining.max_samples
     assert first == run_trial(trials[0], data).outcome != second
 
 
 @pytest.mark.parametrize("bundle", [0, 1])
 def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
-    trial = trials[0].replace(seed=7)
-    where = pretrained.pretrained_folder(
-        trial, data, "bundle" if bundle else "training"
-    )
+    trial, kind = trials[0].replace(seed=7), "bundle" if bundle else "training"
+    where = pretrained.pretrained_folder(trial, data, kind)
     where.mkdir(parents=True)
     (where / "checkpoint.npz").write_bytes(b"no archive")
     if bundle:
-        assert run(
-            [trial], data=data, results=tmp_path, progress=False, bundle=1
-        ).missing([trial])
+        options = dict(data=data, results=tmp_path, progress=False, bundle=1)
+        assert run([trial], **options).missing([trial])
         assert "the checkpoint is damaged" in capsys.readouterr().err
     else:
         with pytest.raises(CheckpointError, match="the checkpoint is damaged"):
@@ -59,9 +51,7 @@ def test_a_pretraining_has_the_expert_alone(trials):
     The correction of a frozen model has no expert beside it.
     """
     both = replace(trials[0].training, p_expert=0.5)
-    with pytest.raises(
-        ConfigError, match="pretraining has the expert in the novice's place"
-    ):
+    with pytest.raises(ConfigError, match="has the expert in the novice's place"):
         trials[0].replace(pretraining=both)
     for changes in ({"training": both}, {"pretraining": None}):
         with pytest.raises(ConfigError, match="residual goes with a pretraining"):
@@ -71,14 +61,14 @@ def test_a_pretraining_has_the_expert_alone(trials):
 
 def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
     """A method takes its tuned value; a value given by hand holds for all methods."""
+    for preset in PRESETS.values():
+        assert {method for method, _, _ in preset.tuned} <= {*METHODS, "pretraining"}
 
     def rates(preset):
         study = Study(preset, tmp_path, tmp_path)
-        trials = [
-            study.trial("system1", method, 0.25)
-            for method in ("sidm", "pretrain_finetune")
-        ]
-        parts = trials[0].training, trials[1].training, trials[1].pretraining
+        sidm = study.trial("system1", "sidm", 0.25)
+        tuned = study.trial("system1", "pretrain_finetune", 0.25)
+        parts = sidm.training, tuned.training, tuned.pretraining
         return [part.learning_rate for part in parts]
 
     tuned = tiny.replace(
@@ -91,22 +81,15 @@ def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
 @pytest.mark.parametrize("bundle", [0, 1])
 def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path, bundle):
     """Its failure is stored with the iteration; trials of other weights go on."""
-    bad = trials[0].replace(
-        seed=5, pretraining=replace(trials[0].pretraining, learning_rate=1e11)
-    )
+    diverging = replace(trials[0].pretraining, learning_rate=1e11)
+    bad = trials[0].replace(seed=5, pretraining=diverging)
     with ThreadPoolExecutor(1) as pool:
         where = dict(bundle=1) if bundle else dict(executor=pool)
-        store = run(
-            [bad, trials[1]], data=data, results=tmp_path, progress=False, **where
-        )
+        options = dict(data=data, results=tmp_path, progress=False, **where)
+        store = run([bad, trials[1]], **options)
     assert store.missing([bad, trials[1]]) == [bad]
     (failure,) = store.failures([bad])
     assert failure.loss in ("nan", "inf") and failure.iteration > 0
-
-
-def test_what_is_tuned_is_a_method():
-    for preset in PRESETS.values():
-        assert {method for method, _, _ in preset.tuned} <= {*METHODS, "pretraining"}
 
 
 def test_kept_weights_are_named_by_values_and_not_by_how_they_print(

@@ -13,13 +13,11 @@ from companion.__main__ import main
 from companion.bodies import NOVICES
 from companion.engine import known_motion
 from companion.engine.datasets import digest_of, digests_of, is_here
-from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.records import ProvenanceTimer, one_line, rounded
 from companion.engine.run import checkpoint_folder, run_here
-from companion.numerics import versions
 from companion.trials import motion_of
-from sidm.config import ConfigError
+from sidm.config import ConfigError, replace
 from sidm.shards import SHARD_SIZE
 
 
@@ -29,57 +27,44 @@ def trials(study):
     return study.figure3("system1")[:2]
 
 
-def outcomes(store, trials):
-    """Outcomes without their times."""
-    return [row.outcome for row in store.rows(trials)]
-
-
 @pytest.mark.parametrize("method", ["sidm", "novice_only"])
 def test_a_trial_end_to_end(study, data, method):
-    """A trial trains, validates and rolls out; parts of the outcome agree."""
-    trial = study.trial("system1", method, 0.75)
+    """A trial trains, validates and rolls out; parts of the outcome agree.
+
+    It is a pure function to the last bit, on one thread whatever the caller uses.
+    """
+    trial, threads = study.trial("system1", method, 0.75), torch.get_num_threads()
+    torch.manual_seed(1)
     row = run_trial(trial, data)
     out = row.outcome
-    assert out.validation_loss == pytest.approx(sum(out.component_losses))
-    assert out.validation_loss > 0
-    assert len(out.component_losses) == 13
+    torch.manual_seed(2)
+    assert perform(trial, data)[0] == out and torch.get_num_threads() == threads
+    assert out.validation_loss == pytest.approx(sum(out.component_losses)) and (
+        out.validation_loss > 0 and len(out.component_losses) == 13
+    )
     assert len(out.position_error) == len(out.heading_error) == 25
-    assert len(out.example_predicted) == len(out.example_actual) == 26
     assert out.example_predicted[0] == pytest.approx(out.example_actual[0])
     # whole batches
     assert out.iterations > 0 and 0 < out.samples < trial.training.max_samples + 8 * 64
-    assert (
-        len(out.curve_samples)
-        == len(out.curve_test_loss)
-        == len(out.curve_training_loss)
-        <= 40
-    )
-    assert list(out.curve_samples) == sorted(set(out.curve_samples))
-    assert out.curve_samples[-1] <= out.samples
+    curve = out.curve_samples, out.curve_test_loss, out.curve_training_loss
+    assert len({*map(len, curve)}) == 1 and len(curve[0]) <= 40
+    assert list(curve[0]) == sorted(set(curve[0])) and curve[0][-1] <= out.samples
     assert min(out.curve_test_loss) <= out.best_test_loss  # smoothed
-    assert (
-        len(out.component_samples)
-        == len(out.component_test)
-        == len(out.component_validation)
-        > 1
-    )
+    parts = out.component_samples, out.component_test, out.component_validation
+    assert len({*map(len, parts)}) == 1 and len(parts[0]) > 1
     assert sum(out.component_test[0]) == pytest.approx(out.curve_test_loss[0], rel=1e-5)
     # of a method without an adversary nothing is stored
     tests = len(out.every_test_loss) if method == "sidm" else 0
     assert len(out.every_test_loss) > 1
     for values in (out.every_discriminator_accuracy, out.every_matching_loss):
-        assert len(values) == tests
-        assert method == "novice_only" or values[-1] > 0
-    # all that exist
-    assert (
-        np.shape(out.rollouts_predicted) == np.shape(out.rollouts_actual) == (2, 26, 13)
-    )
-    assert out.example_predicted == tuple(
-        (state[0], state[1]) for state in out.rollouts_predicted[0]
-    )
-    assert row.provenance.threads == 1
-    assert not row.provenance.resumed
-    assert not row.provenance.stale
+        assert len(values) == tests and (method == "novice_only" or values[-1] > 0)
+    # all rollouts that exist
+    for states in (out.rollouts_predicted, out.rollouts_actual):
+        assert np.shape(states) == (2, 26, 13)
+    first = [(state[0], state[1]) for state in out.rollouts_predicted[0]]
+    assert out.example_predicted == tuple(first)
+    made = row.provenance
+    assert (made.threads, made.resumed, made.stale) == (1, False, False)
 
 
 def test_another_bodys_losses_are_in_the_same_unit_for_every_seed(study, data):
@@ -87,63 +72,35 @@ def test_another_bodys_losses_are_in_the_same_unit_for_every_seed(study, data):
 
     The variance of the few trajectories that the model learnt from differs by seed.
     """
-    network = dataclasses.replace(study.preset.network, novice_body=NOVICES["planar"])
-    other_study = study.with_preset(dataclasses.replace(study.preset, network=network))
+    network = replace(study.preset.network, novice_body=NOVICES["planar"])
+    other_study = study.with_preset(replace(study.preset, network=network))
     for seed in (0, 1):
         trial = other_study.trial("system1", "novice_only", 0.75, seed)
         outcome, trained = perform(trial, data)
         motion = Library(data).motion(trial, "validation")
         with torch.inference_mode():
-            off = (
-                trained.model("novice", motion.inputs, motion.maps)[0] - motion.targets
-            )
+            predicted, _ = trained.model("novice", motion.inputs, motion.maps)
+        off = predicted - motion.targets
         spread = motion.targets.flatten(0, 1).std(0, correction=0)
         # components that stand still in the made-up motion have almost no variance
         moves = spread > 1e-3
-        expected = off.square().mean((0, 1)) / spread.square()
+        expected = (off.square().mean((0, 1)) / spread.square())[moves]
         assert moves.sum() >= 4
-        assert np.array(outcome.component_losses)[moves] == pytest.approx(
-            expected[moves].numpy(), rel=1e-3
-        )
-
-
-def test_what_free_struts_did_depends_on_the_version_of_their_motion(study, make_row):
-    made = make_row(study.trial("system1", "novice_only", 0.75))
-    free = study.trial("system1_free_struts", "novice_only", 0.75)
-    assert (
-        "free_struts"
-        not in stored_as(made.trial, made.outcome, made.provenance).provenance.numerics
-    )
-    assert stored_as(
-        free, made.outcome, made.provenance
-    ).provenance.numerics == made.provenance.numerics | versions("free_struts")
-
-
-def test_a_trial_is_a_pure_function(trials, data):
-    """A trial gives the same outcome to the last bit.
-
-    It trains on one thread, whatever the caller uses.
-    """
-    threads = torch.get_num_threads()
-    torch.manual_seed(1)
-    first = perform(trials[0], data)[0]
-    torch.manual_seed(2)
-    assert perform(trials[0], data)[0] == first
-    assert torch.get_num_threads() == threads
+        losses = np.array(outcome.component_losses)[moves]
+        assert losses == pytest.approx(expected.numpy(), rel=1e-3)
 
 
 def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
     """Stored rows are left alone and others are run; a second run changes nothing."""
     store = Results(tmp_path)
     store.put(make_row(trials[0], loss=42.0))
+    options = dict(data=data, results=store, progress=False)
     with ThreadPoolExecutor(1) as executor:
-        assert (
-            run(trials * 2, executor, data=data, results=store, progress=False) is store
-        )
+        assert run(trials * 2, executor, **options) is store
         assert store.missing(trials) == []
         assert store.get(trials[0]).outcome.validation_loss == 42.0
         files = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-        run(trials, executor, data=data, results=store, progress=False)
+        run(trials, executor, **options)
     assert files == {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert not checkpoint_folder(data, trials[1]).exists()
     expert = trials[1].datasets["expert"]
@@ -157,25 +114,20 @@ def test_run_skips_what_is_stored(trials, data, tmp_path, make_row):
 @pytest.mark.more
 def test_local_processes_agree_with_this_one(trials, data, tmp_path):
     """Worker processes store what this process gives, for one trial and for several."""
-    store = run(trials[:2], workers=2, data=data, results=tmp_path, progress=False)
-    in_turn = run(
-        trials[:2], workers=1, data=data, results=tmp_path / "in turn", progress=False
-    )
-    assert (
-        outcomes(store, trials[:2])
-        == outcomes(Results(tmp_path), trials[:2])
-        == outcomes(in_turn, trials[:2])
-    )
-    here = run_here(trials[0], data, tmp_path / "other")
-    there = store.get(trials[0])
-    assert rounded(here.outcome.position_error) == list(there.outcome.position_error)
-    assert rounded(here.outcome.validation_loss) == there.outcome.validation_loss
+    stores = [
+        run(trials, workers=workers, data=data, results=tmp_path / f"{workers}")
+        for workers in (1, 2)
+    ]
+    one, two = ([row.outcome for row in store.rows(trials)] for store in stores)
+    assert one == two and len(one) == 2
+    here = run_here(trials[0], data, tmp_path / "other").outcome
+    assert rounded(here.position_error) == list(one[0].position_error)
+    assert rounded(here.validation_loss) == one[0].validation_loss
 
 
 def test_a_killed_trial_goes_on(trials, data, tmp_path):
     """A trial stopped in training resumes from its checkpoint to the same outcome."""
     trial, folder = trials[0], tmp_path / "checkpoint"
-    whole = perform(trial, data)[0]
 
     class Killed(Exception):
         pass
@@ -187,7 +139,7 @@ def test_a_killed_trial_goes_on(trials, data, tmp_path):
     with pytest.raises(Killed):
         run_trial(trial, data, folder, progress=kill)
     row = run_trial(trial, data, folder)
-    assert row.provenance.resumed and row.outcome == whole
+    assert row.provenance.resumed and row.outcome == perform(trial, data)[0]
 
 
 def test_one_failure_loses_no_other(trials, data, tmp_path, capsys, monkeypatch):
@@ -205,14 +157,18 @@ def test_one_failure_loses_no_other(trials, data, tmp_path, capsys, monkeypatch)
     assert errors == "companion: system1 sidm 0.25 min seed 0: no space left"
 
 
-def test_missing_data_name_the_command(tiny, tmp_path):
-    """Without data nothing runs; the message says how to make them."""
-    trials = Study(tiny, tmp_path, tmp_path).figure3("system1")
-    words = r"the dataset system1/.* is not under .*; 'companion collect --preset"
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, r"the dataset system1/.* is not under .*; 'companion collect --preset"),
+        ({"workers": 0}, "workers must be at least 1"),
+        ({"bundle": -1}, "bundle must not be negative"),
+    ],
+)
+def test_what_cannot_be_run_is_refused(tiny, tmp_path, changes, words):
+    trials = [] if changes else Study(tiny, tmp_path, tmp_path).figure3("system1")
     with pytest.raises(ConfigError, match=words):
-        run(trials, data=tmp_path, results=tmp_path)
-    with pytest.raises(ConfigError, match="workers must be at least 1"):
-        run([], workers=0, data=tmp_path, results=tmp_path)
+        run(trials, data=tmp_path, results=tmp_path, **changes)
 
 
 def test_a_trial_needs_what_it_draws_from_the_pool(trials, data, tmp_path):
@@ -256,9 +212,8 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     assert known_motion.read(results)[expert.name].digests == ("elsewhere", here)
     (trial,) = Study(tiny, data, results).points("system1", ["novice_only"], [0.25])
     row = run_here(trial, data, results, progress=False)
-    assert (
-        ProvenanceTimer("driving", trial, data).done().digests == row.provenance.digests
-    )
+    timed = ProvenanceTimer("driving", trial, data).done()
+    assert timed.digests == row.provenance.digests
     assert Results(results).frame().repeated.tolist() == [True]
     other = [place + 1.0 for place in first.likeness.places[0]]
     likeness = dataclasses.replace(first.likeness, places=(other,) * 9)

@@ -10,11 +10,11 @@ from scipy import stats
 from companion.statistics.intervals import holm
 from companion.tasks.catalogue import Task
 from companion.tasks.figure import figure
-from companion.tasks.intervals import mean_of
 from companion.tasks.page import write_page
 from companion.tasks.scores import (
     data_ratio,
     log_ratios,
+    mean_of,
     mean_ratio,
     pairwise,
     results_frame,
@@ -25,12 +25,17 @@ from ownrobot.comparison.statistics import Interval
 from tests.companion.tasks.conftest import made
 
 
-def made_frame():
+def task_of(robots, minutes=5.0):
+    return Task(name=f"{robots}, {minutes:g} min", pair="system1", minutes=minutes)
+
+
+@pytest.fixture(scope="module")
+def frame():
     """Three methods on five tasks; each has a factor, and each task a difficulty."""
     rng = np.random.default_rng(0)
     results = []
     for number in range(5):
-        task = Task(name=f"robot{number}, 5 min", pair="system1", minutes=5.0)
+        task = task_of(f"robot{number}")
         for seed in range(3):
             level = (number + 1) * np.exp(0.5 * rng.standard_normal())
             for method, factor in (("least_squares", 1.0), ("good", 0.5), ("bad", 2.0)):
@@ -39,57 +44,51 @@ def made_frame():
     return results_frame([*results, made("bad", task, 7, None, "raised")])
 
 
-def test_scores_are_ratios_to_least_squares_over_tasks():
-    frame = made_frame()
+def logs_by_hand(frame, task, method):
+    """Log ratio to least squares of each seed of a task (S,)."""
+    rows = frame[(frame.status == "ok") & (frame.task == task)]
+    wide = rows.pivot(index="seed", columns="method", values="loss").dropna()
+    return np.log(wide[method] / wide.least_squares)
+
+
+def test_scores_are_ratios_to_least_squares_over_tasks(frame):
     table = score_table(frame).set_index("method")
     assert table.index.tolist() == ["good", "least_squares", "bad"]
-    assert table.loc["good", "low"] < 0.5 < table.loc["good", "high"]
     assert table.loc["least_squares", "score"] == 1
-    score = table.loc["good", ["score", "low", "high"]].to_numpy(float)
-    assert mean_ratio(frame, "good", set(frame.task)) == pytest.approx(score)
     assert table.failures.to_dict() == {"good": 0, "least_squares": 0, "bad": 1}
     assert table.tasks.to_dict() == {"good": 5, "least_squares": 5, "bad": 4}
-    means, variances = [], []  # the same by hand
-    for _, rows in frame[frame.status == "ok"].groupby("task"):
-        wide = rows.pivot(index="seed", columns="method", values="loss").dropna()
-        logs = np.log(wide.good / wide.least_squares)
-        means.append(logs.mean())
-        variances.append(logs.var(ddof=1) / 3)
-    assert table.loc["good", "score"] == pytest.approx(np.exp(np.mean(means)))
+    score = table.loc["good", ["score", "low", "high"]].to_numpy(float)
+    assert mean_ratio(frame, "good", set(frame.task)) == pytest.approx(score)
+    by_task = [logs_by_hand(frame, task, "good") for task in frame.task.unique()]
+    mean = np.mean([logs.mean() for logs in by_task])
+    variances = [logs.var(ddof=1) / 3 for logs in by_task]
     freedom = sum(variances) ** 2 / sum(v**2 / 2 for v in variances)
     reach = stats.t.ppf(0.975, freedom) * np.sqrt(sum(variances)) / 5
-    ends = table.loc["good", ["low", "high"]].to_numpy(float)
-    assert np.log(ends) == pytest.approx([np.mean(means) + d for d in (-reach, reach)])
-
-
-def losses_of(robots, sizes, losses):
-    """Rows of least squares, 1, and of another method, by size and seed."""
-    results = []
-    for minutes, row in zip(sizes, losses, strict=True):
-        task = Task(name=f"{robots}, {minutes:g} min", pair="p", minutes=minutes)
-        for seed, loss in enumerate(row):
-            results += [made("least_squares", task, seed, 1.0)]
-            results += [made("other", task, seed, loss)]
-    return results
+    assert np.log(score) == pytest.approx([mean, mean - reach, mean + reach])
 
 
 def test_sizes_of_a_pair_of_robots_are_no_further_evidence():
+    def mean(robots, sizes, losses):
+        results = []
+        for minutes in sizes:
+            for seed, loss in enumerate(losses):
+                task = task_of(robots, minutes)
+                results += [made("least_squares", task, seed, 1.0)]
+                results += [made("other", task, seed, loss)]
+        return mean_of(log_ratios(results_frame(results)).other)
+
     seeds = [0.5, 0.6, 0.8]
-    one = results_frame(losses_of("robot", [1.0], [seeds]))
-    two = results_frame(losses_of("robot", [1.0, 5.0], [seeds, seeds]))
-    means = [mean_of(log_ratios(frame).other) for frame in (one, two)]
-    assert means[0] == pytest.approx(means[1]) and means[0].freedom == 2
-    real = results_frame(losses_of("husky to warthog", [1.0], [seeds]))
-    factor = mean_of(log_ratios(real).other).error / means[0].error
+    one, two = (mean("robot", sizes, seeds) for sizes in ([1.0], [1.0, 5.0]))
+    assert one == pytest.approx(two) and one.freedom == 2
+    factor = mean("husky to warthog", [1.0], seeds).error / one.error
     assert factor == pytest.approx(np.sqrt(1 + 3 * 0.25 / 0.75))  # divided anew
-    lone = results_frame(losses_of("robot", [1.0], [[0.5]]))
-    assert str(mean_of(log_ratios(lone).other).interval) == "0.50"
+    assert str(mean("robot", [1.0], [0.5]).interval) == "0.50"
     logs = log_ratios(results_frame([])).reindex(columns=["other"])
     assert np.isnan(mean_of(logs.other)).all(), "without rows nothing is known"
 
 
 def test_a_failed_or_missing_seed_takes_a_methods_score():
-    task = Task(name="robot, 5 min", pair="system1", minutes=5.0)
+    task = task_of("robot")
     rows = [made("least_squares", task, seed, 1.0) for seed in (0, 1)]
     rows += [made("other", task, seed, 1.0) for seed in (0, 1)]
     rows += [made("other", task, 2, None, "limit")]
@@ -98,10 +97,8 @@ def test_a_failed_or_missing_seed_takes_a_methods_score():
     rows += [made("not", task, 0, None, "not for these robots")]
     table = score_table(results_frame(rows)).set_index("method")
     assert table.index[:2].tolist() == ["good", "least_squares"], "fewer tasks are last"
-    assert table.score.dropna().to_dict() == {
-        "good": pytest.approx(0.5),
-        "least_squares": 1,
-    }
+    scores = table.score.dropna().to_dict()
+    assert scores == {"good": pytest.approx(0.5), "least_squares": 1}
     assert table.failures[table.failures > 0].to_dict() == {"other": 1}
 
 
@@ -123,8 +120,7 @@ def test_the_interval_covers_and_the_test_errs_as_often_as_they_say():
     assert 930 <= held <= 980 and wrong == 1000 - held
 
 
-def test_a_group_is_scored_where_all_its_tasks_are():
-    frame = made_frame()
+def test_a_group_is_scored_where_all_its_tasks_are(frame):
     names = sorted(frame.task.unique())
     short = frame[(frame.method != "good") | (frame.task != names[0])]
     groups = {"first": names[:2], "rest": names[2:], "none": ["no task"]}
@@ -136,18 +132,15 @@ def test_a_group_is_scored_where_all_its_tasks_are():
     score = tuple(rest.loc["good", ["score", "low", "high"]])
     assert table.loc["good", "rest"] == score
     # the interval of one task is over its seeds
-    wide = frame[frame.task == names[0]].pivot(
-        index="seed", columns="method", values="loss"
-    )
-    logs = np.log(wide.bad / wide.least_squares)
+    logs = logs_by_hand(frame, names[0], "bad")
     reach = stats.t.ppf(0.975, len(logs) - 1) * stats.sem(logs)
     found = scores_by_group(frame, {"one": names[:1]}).loc["bad", "one"]
     ends = [logs.mean(), logs.mean() - reach, logs.mean() + reach]
     assert np.log(found) == pytest.approx(ends)
 
 
-def test_who_is_apart_is_corrected_for_all_pairs():
-    pairs = pairwise(made_frame())
+def test_who_is_apart_is_corrected_for_all_pairs(frame):
+    pairs = pairwise(frame)
     assert len(pairs) == 3 and pairs.apart.all()
     best = pairs[(pairs["first"] == "good") & (pairs.second == "bad")]
     assert best.ratio.iloc[0] == pytest.approx(0.25, rel=0.1)
@@ -167,7 +160,7 @@ def test_who_is_apart_is_corrected_for_all_pairs():
 def test_a_data_ratio_is_read_on_the_curve_of_training_alone(alone, loss, expected):
     results = []
     for minutes, value in zip((1.0, 5.0, 20.0), alone, strict=True):
-        task = Task(name=f"robot, {minutes:g} min", pair="system1", minutes=minutes)
+        task = task_of("robot", minutes)
         results.append(made("novice_only", task, 0, value))
         results.append(made("other", task, 0, loss))
     frame = results_frame(results)
@@ -175,12 +168,11 @@ def test_a_data_ratio_is_read_on_the_curve_of_training_alone(alone, loss, expect
     assert np.isnan(data_ratio(frame, "none")[0])
 
 
-def test_the_page_holds_every_row(tmp_path):
-    frame = made_frame()
+def test_the_page_holds_every_row(frame, tmp_path):
     write_page(frame, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    start = page.index('type="application/json">') + len('type="application/json">')
-    data = json.loads(page[start : page.index("</script>", start)])
+    _, _, rest = page.partition('type="application/json">')
+    data = json.loads(rest[: rest.index("</script>")])
     assert len(data["rows"]) == len(frame)
     (group,) = data["groups"]
     methods = [row["method"] for row in group["methods"]]

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from companion.engine.datasets import collect_dataset, digest_of
-from companion.engine.known_motion import Known, compare, note, read
-from companion.engine.likeness import Likeness
+from companion.engine.known_motion import Known, Likeness, compare, note, read
 from companion.trials import Dataset
 from sidm.config import replace
 from sidm.shards import SHARD_SIZE, Collection
@@ -44,10 +43,12 @@ def results(tmp_path_factory):
     return results
 
 
-@pytest.fixture(scope="module")
-def reduced(tmp_path_factory):
-    """Data of a processor with fewer instructions."""
-    data = tmp_path_factory.mktemp("reduced")
+@pytest.mark.more
+def test_what_differs_by_rounding_alone_stands_for_the_results_motion(
+    results, tmp_path
+):
+    """Data of a processor with fewer instructions; without a likeness nobody knows."""
+    data = tmp_path / "reduced"
     code = f"""if True:
         from pathlib import Path
         from sidm.simulation.collecting import make_shard
@@ -59,17 +60,15 @@ def reduced(tmp_path_factory):
     subprocess.run(
         [sys.executable, "-c", code], env=os.environ | REDUCED, check=True, cwd=root
     )
-    return data
-
-
-@pytest.mark.more
-def test_what_differs_by_rounding_alone_stands_for_the_results_motion(results, reduced):
-    known, digest = read(results)[DATASET.name].digest, digest_of(DATASET, reduced)
-    assert (digest != known) == bool(REDUCED["NPY_DISABLE_CPU_FEATURES"]), (
-        "rounded alike"
-    )
-    assert compare(DATASET, reduced, results) == []
+    known, digest = read(results)[DATASET.name].digest, digest_of(DATASET, data)
+    reduced = bool(REDUCED["NPY_DISABLE_CPU_FEATURES"])
+    assert (digest != known) == reduced, "rounded alike"
+    assert compare(DATASET, data, results) == []
     assert set(read(results)[DATASET.name].digests) == {known, digest}
+    note([Known(name=DATASET.name, digest="0123456789abcdef")], tmp_path)
+    assert compare(DATASET, data, tmp_path) == [
+        "the data differ, and the results store no likeness to compare"
+    ]
 
 
 @pytest.mark.more
@@ -83,32 +82,22 @@ def test_another_robots_motion_is_refused(results, tmp_path, monkeypatch):
     for number in range(DATASET.count // SHARD_SIZE):
         make_shard(tmp_path, DATASET.collection, number)
     before = read(results)
-    (words,) = compare(DATASET, tmp_path, results)[:1]
+    words = compare(DATASET, tmp_path, results)[0]
     assert words.startswith("after 5 steps robots are ")
     assert read(results) == before
 
 
 def test_other_actions_and_other_attempts_are_seen(make_trajectories):
     one = make_trajectories(40)
+    like = Likeness.of(one)
+    assert like.differences(Likeness.of(one)) == []
     other = [replace(t, actions=t.actions + 0.3) for t in one]
-    assert Likeness.of(one).differences(Likeness.of(one)) == []
-    assert (
-        "standard errors apart" in Likeness.of(one).differences(Likeness.of(other))[0]
-    )
+    assert "standard errors apart" in like.differences(Likeness.of(other))[0]
     seeds = [t.ground.seed + 100 * (t.index % 2 == 0) for t in one]
     others = [
         replace(t, ground=t.ground._replace(seed=seed))
         for t, seed in zip(one, seeds, strict=True)
     ]
-    assert "are other attempts" in Likeness.of(one).differences(Likeness.of(others))[0]
-    assert Likeness.of(one).differences(Likeness.of(one[:8])) == [
-        "another number of trajectories"
-    ]
-
-
-@pytest.mark.more
-def test_motion_without_a_likeness_cannot_be_compared(reduced, tmp_path):
-    note([Known(name=DATASET.name, digest="0123456789abcdef")], tmp_path)
-    assert compare(DATASET, reduced, tmp_path) == [
-        "the data differ, and the results store no likeness to compare"
-    ]
+    assert "are other attempts" in like.differences(Likeness.of(others))[0]
+    fewer = Likeness.of(one[:8])
+    assert like.differences(fewer) == ["another number of trajectories"]
