@@ -46,12 +46,10 @@ def bootstrap(
 def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
     """Student's interval over seeds (S, ...), with the jackknife's standard error.
 
-    The jackknife computes `statistic` without each whole seed in turn. With few seeds,
-    resampling knows too little of what other seeds would give, and its intervals are
-    too narrow (module `coverage`); the interval of this function has the coverage that
-    it claims. The distribution of `statistic` should be about symmetric: use the
-    logarithm of a ratio. The interval is NaN with one seed, or if there is no value
-    without one of the seeds.
+    With few seeds, intervals of resampled seeds are too narrow (module `coverage`);
+    this one holds what it claims where the distribution of `statistic` is about
+    symmetric: use the logarithm of a ratio. It is NaN with one seed, or if there is no
+    value without one of the seeds.
     """
     from scipy.special import stdtrit  # late: lists of results do without it
 
