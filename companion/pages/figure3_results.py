@@ -19,13 +19,12 @@ from companion.statistics import claims, coverage
 from companion.statistics.savings import savings, texts_at
 from companion.studies import tuning
 from companion.studies.decisive import (
+    along,
     search,
     stopping_charts,
     stopping_point,
     verdicts,
 )
-from companion.studies.decisive.along import along_training
-from companion.studies.decisive.figures import by_length
 from companion.studies.decisive.verdicts import AT
 from companion.study import Study
 from companion.trials import Trial
@@ -99,7 +98,7 @@ class Figure3:
     @functools.cached_property
     def along(self) -> pd.DataFrame:
         """What an SIDM saves along the training of recipes R and T."""
-        return along_training(self.long_trained)
+        return along.along_training(self.long_trained)
 
     @functools.cached_property
     def saved(self) -> pd.DataFrame:
@@ -120,7 +119,7 @@ class Figure3:
         """
         trained = self.searched[self.searched.method != CLOSED_FORM]
         numbers = stopping_point.contents(self.long_trained, trained, self.along)
-        still = by_length(self.along, systems)
+        still = along.figure(self.along, systems)
         return stopping_charts.html(numbers, still, STOPPING, names)
 
     def saving(self, method: str, minutes: float, system: str) -> str:
