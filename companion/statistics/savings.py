@@ -10,7 +10,12 @@ import pandas as pd
 
 from companion.statistics.efficiency import isotonic_fit, minutes_needed
 from companion.statistics.intervals import interval
-from companion.statistics.pairs import Losses, complete, paired_comparison
+from companion.statistics.pairs import (
+    Losses,
+    complete,
+    interval_texts,
+    paired_comparison,
+)
 from ownrobot.comparison.statistics import Interval
 
 NUMBERS = ["novice_minutes", "seeds", "loss", "ratio", "low", "high"]
@@ -120,11 +125,10 @@ def with_savings(
 
 def with_savings_texts(table: pd.DataFrame) -> pd.DataFrame:
     """Ratios and savings of a table of `with_savings` for a page, '-' without one."""
-    ends = table[["ratio", "low", "high"]].itertuples(index=False)
     names = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}
     saved = table[["bound", *names]].rename(columns=names).fillna({"bound": "="})
     texts = {
-        "ratio (95 % interval)": [Interval(*line).text(3) for line in ends],
+        "ratio (95 % interval)": interval_texts(table[["ratio", "low", "high"]]),
         "times the data": ratio_texts(saved),
     }
     return pd.DataFrame(texts, index=table.index, dtype=object).replace("nan", "-")

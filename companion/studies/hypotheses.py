@@ -117,17 +117,17 @@ def changes(study: Study, system: str) -> Iterator[Change]:
     yield Change(RELEASED_TWO, BOTH_OF_SIDM, "released", trials)
     for p in ablations.P_EXPERT:
         if p is not None and p not in (0.0, sidm.p_expert):
-            trials = ablations.p_expert(study, system, [p])
+            trials = ablations.ablation(study, system, "p_expert", [p])
             yield Change(P_EXPERT, f"p_e of {p:g}", "p-expert", trials)
     for phase, values in ablations.ITERATIONS.items():
         for value in values:
             if value not in (0, getattr(sidm, phase)):
-                trials = ablations.iterations(study, system, phase, [value])
+                trials = ablations.ablation(study, system, phase, [value])
                 change = f"{value} {phase.replace('_', ' ')}"
                 yield Change(PHASES, change, "iterations", trials)
     for pixels in ablations.PIXELS:
         if pixels != preset.network.pixels:
-            trials = ablations.setting(study, system, "pixels", [pixels])
+            trials = ablations.ablation(study, system, "pixels", [pixels])
             trials = [trial for trial in trials if trial.method == "sidm"]
             yield Change(FIRST_LAYER, f"maps of {pixels} pixels", "pixels", trials)
     tested = {

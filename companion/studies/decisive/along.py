@@ -142,7 +142,7 @@ def ratio_at_best(
     sidm, alone = paired(losses, "sidm", AT, ALONE_SIZES)
     if len(sidm):
         at = np.isin(ALONE_SIZES, sizes)
-        alone[:, at] = alone[:, at].min(0)
+        alone = np.where(at, alone.min(0), alone)
     return data_ratio(ALONE_SIZES, alone, sidm, AT)
 
 

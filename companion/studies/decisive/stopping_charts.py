@@ -80,9 +80,10 @@ def _training(colour: Any) -> alt.LayerChart:
 def _figure3(colour: Any) -> alt.LayerChart:
     """Loss against novice data: mean over seeds, from minimum to maximum."""
     sizes = axis(alt.X, "x:Q", "novice data (min)", (0.9, 135), (1, 5, 20, 60, 120))
-    band = named("sizes").mark_area(clip=True, opacity=0.2)
+    base = named("sizes")
+    band = base.mark_area(clip=True, opacity=0.2)
     band = band.encode(x=sizes, y=LOSSES, y2="high:Q", color=colour)
-    means = named("sizes").mark_line(clip=True, point={"filled": True, "size": 60})
+    means = base.mark_line(clip=True, point={"filled": True, "size": 60})
     return layers(band, means.encode(x="x:Q", y="mean:Q", color=colour))
 
 

@@ -177,8 +177,9 @@ def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     table = pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
     table["corrected"] = np.nan
     judged = table.says.ne(NO_VERDICT)
-    p = p_values(table[["value", "low", "high"]], table.seeds)
-    table.loc[judged, "corrected"] = holm(p[judged])
+    tested = table[judged]
+    p = p_values(tested[["value", "low", "high"]], tested.seeds)
+    table.loc[judged, "corrected"] = holm(p)
     table.loc[judged & table.corrected.ge(0.05), "says"] = NOT_SEEN
     return table
 

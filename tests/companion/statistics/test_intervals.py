@@ -5,11 +5,7 @@ import pytest
 import scipy.stats
 
 from companion.statistics import coverage
-from companion.statistics.efficiency import (
-    efficiency,
-    isotonic_fit,
-    minutes_needed,
-)
+from companion.statistics.efficiency import isotonic_fit, minutes_needed
 from companion.statistics.intervals import (
     MANY_SEEDS,
     bootstrap,
@@ -127,16 +123,3 @@ def test_minutes_needed_reads_a_power_law():
     assert minutes_needed(MINUTES, curve, 2.0) == (1, "<=")
     assert minutes_needed(MINUTES, curve, 0.01) == (120, ">")
     assert minutes_needed(MINUTES, curve, curve[0]) == (1, "=")
-
-
-def test_efficiency_of_shifted_curves():
-    """The ratio is 4 where both curves reach, elsewhere a bound."""
-    sidm, novice = (4 * MINUTES) ** -0.5, MINUTES**-0.5
-    ratios = efficiency(MINUTES, sidm, novice, [0.3, sidm[-1], 0.7, 2.0, 0.01])
-    assert ratios.ratio[0] == pytest.approx(4) and ratios.bound[0] == "="
-    # training alone never reaches this loss
-    assert ratios.ratio[1] == pytest.approx(1) and ratios.bound[1] == ">="
-    # SIDM reaches this loss with the smallest size
-    assert ratios.bound[2] == ">=" and ratios.ratio[2] == pytest.approx(0.7**-2)
-    assert ratios.bound[3:].tolist() == ["?", "?"]
-    assert np.isnan(ratios.ratio[3:]).all()
