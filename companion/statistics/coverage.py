@@ -179,11 +179,7 @@ def table(file: Path = FILE) -> pd.DataFrame:
     median width.
     """
     stored = read_record(file)
-    rows = [
-        (name, int(n), *shares)
-        for name in METHODS
-        for n, shares in stored[name].items()
-    ]
+    rows = [(name, int(n), *v) for name in METHODS for n, v in stored[name].items()]
     return pd.DataFrame(rows, columns=["interval", "seeds", "share", "width"])
 
 

@@ -13,7 +13,7 @@ from companion.figures.style import system_label
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
 from companion.statistics.pairs import interval_texts, paired_comparison
 from companion.studies.reproduction import with_repeats
-from companion.studies.throughput import Pace, seconds
+from companion.studies.throughput import seconds
 from companion.study import Study
 from companion.trials import Trial
 from sidm.systems import PAPER_SYSTEMS
@@ -67,7 +67,7 @@ def trials(study: Study, system: str) -> list[Trial]:
 def table(
     frame: pd.DataFrame,
     results: str | Path,
-    paces: Mapping[str, Pace] | None = None,
+    paces: Mapping[str, float] | None = None,
 ) -> pd.DataFrame:
     """Losses and costs of each method, one row per system, size and method.
 

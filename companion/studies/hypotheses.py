@@ -139,11 +139,16 @@ def changes(study: Study, system: str) -> Iterator[Change]:
         yield Change(tested[change], change, "most-data", trials)
 
 
+def _unchanged(study: Study, system: str) -> list[Trial]:
+    """The trials of SIDM as it is, each once."""
+    preset = study.preset
+    sizes = dict.fromkeys([*preset.novice_minutes(system), *preset.baseline_minutes])
+    return study.points(system, ["sidm"], sizes)
+
+
 def trials(study: Study, system: str) -> list[Trial]:
     """The trials of SIDM as it is and with every change, each once."""
-    preset = study.preset
-    sizes = [*preset.novice_minutes(system), *preset.baseline_minutes]
-    every = study.points(system, ["sidm"], sizes)
+    every = _unchanged(study, system)
     every += [trial for change in changes(study, system) for trial in change.trials]
     return list({trial.key: trial for trial in every}.values())
 
@@ -152,17 +157,10 @@ def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
     """Stored results by `hypothesis` and `change`; SIDM itself has change UNCHANGED."""
     parts = []
     for system in systems:
-        preset = study.preset
-        sizes = [*preset.novice_minutes(system), *preset.baseline_minutes]
-        trials = study.points(system, ["sidm"], sizes)
-        sidm = store.frame({trial.key: trial for trial in trials}.values(), curves=True)
-        parts.append(sidm.assign(change=UNCHANGED, hypothesis=""))
-        parts += [
-            store.frame(trials, curves=True).assign(
-                change=change, hypothesis=hypothesis
-            )
-            for hypothesis, change, _, trials in changes(study, system)
-        ]
+        unchanged = Change("", UNCHANGED, "", _unchanged(study, system))
+        for hypothesis, change, _, trials in (unchanged, *changes(study, system)):
+            rows = store.frame(trials, curves=True)
+            parts.append(rows.assign(change=change, hypothesis=hypothesis))
     return pd.concat(parts)
 
 
@@ -259,9 +257,9 @@ def memorised(frame: pd.DataFrame) -> pd.DataFrame:
         kept = _kept_point(row)
         near = row.curve_training_loss[max(kept - 1, 0) : kept + 2]
         trainings.append(float(np.mean(near)))
-    order = frame.method.map(list(METHODS).index)
+    order = {name: number for number, name in enumerate(METHODS)}
     means = (
-        frame.assign(training=trainings, order=order)
+        frame.assign(training=trainings, order=frame.method.map(order))
         .groupby(["system", "order", "method", "novice_minutes"])
         .agg(training=("training", "mean"), validation=("validation_loss", "mean"))
         .reset_index()
