@@ -50,7 +50,6 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "pixels": (16, 32, 64),
     "patience": (50_000, 150_000, 450_000),
 }
-P_EXPERT, PIXELS = VALUES["p_expert"], VALUES["pixels"]
 
 #: Settings that both of the paper's methods have.
 OF_BOTH = ("pixels", "patience")
@@ -177,7 +176,8 @@ def with_usual(
     return list({trial.key: trial for trial in trials}.values())
 
 
-def _values(frame: pd.DataFrame, name: str) -> pd.Series:
+def values_of(frame: pd.DataFrame, name: str) -> pd.Series:
+    """The value of an ablated setting in each result."""
     if name == "matching_iterations":  # none without regularisation
         return frame[name].where(frame.regularise.astype(bool), 0)
     return frame[name]
@@ -191,7 +191,7 @@ def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFra
     trials with the same value are taken together.
     """
     return loss_summary(
-        frame.assign(value=_values(frame, name)),
+        frame.assign(value=values_of(frame, name)),
         ["system", "novice_minutes", *(["method"] if by_method else []), "value"],
     )
 
@@ -206,7 +206,7 @@ def ratios(
     `pairs.paired_comparison`: one row per system, size, `value`, and method where both
     have the setting.
     """
-    value = _values(frame, name).astype(float)
+    value = values_of(frame, name).astype(float)
     is_usual = value == frame.system.map(usual).astype(float)
     valued, on = frame.assign(value=value), list(POINT)
     if name in OF_BOTH:

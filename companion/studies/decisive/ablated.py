@@ -20,6 +20,7 @@ from companion.figures.style import legend_below, system_label
 from companion.statistics.intervals import holm, p_values
 from companion.statistics.pairs import pooled_comparison
 from companion.statistics.stopping_rules import RULES, apply_rule
+from companion.studies.ablations import values_of
 from companion.studies.decisive.arms import FEW_SEEDS, R_CAPS, arm, restricted
 from companion.studies.decisive.further import ABLATED, ABLATION_CAPS, OF_R, ablations
 from companion.studies.decisive.verdicts import END, RELEASED
@@ -49,9 +50,7 @@ def results(study: Study, store: Results) -> pd.DataFrame:
     frame = store.frame([*own, *ablations(study)], curves=True)
     frame = frame.assign(setting="", value=np.nan)
     for name in ABLATED:
-        value = frame[name].astype(float)
-        if name == "matching_iterations":
-            value = value.where(frame.regularise.astype(bool), 0)
+        value = values_of(frame, name).astype(float)
         changed = value.ne(frame.system.map(OF_R[name])) & frame.setting.eq("")
         frame.loc[changed, "setting"] = name
         frame.loc[changed, "value"] = value[changed]

@@ -42,14 +42,6 @@ def test_leaving_one_out_of_a_mean_is_students_interval():
     )
 
 
-def test_splits_of_the_same_data_count_for_less(rng):
-    values = rng.normal(size=10)
-    plain, split = interval(np.mean, values), interval(np.mean, values, held_out=0.25)
-    assert split.high - split.value == pytest.approx(
-        np.sqrt(1 + 10 / 3) * (plain.high - plain.value)
-    )
-
-
 def test_intervals_of_repeated_splits_hold_the_truth():
     """A mean is measured on a quarter of 40 sessions, split anew ten times.
 
@@ -72,9 +64,6 @@ def test_intervals_of_degenerate_samples():
         assert interval(np.mean, np.full(many, 2.0)) == (2, 2, 2)
     for many in (5, 40):
         assert np.isnan(interval(lambda _: float("nan"), np.ones((many, 2)))).all()
-
-
-def test_many_seeds_are_resampled():
     samples = np.random.default_rng(1).lognormal(size=MANY_SEEDS)
     assert interval(np.mean, samples) == bootstrap(np.mean, samples)
     assert interval(np.mean, samples[1:]) == leave_one_out(np.mean, samples[1:])

@@ -61,15 +61,6 @@ def test_every_method_has_as_many_tries_and_the_lowest_test_loss_is_marked(
     assert trials[6].training.weight_decay == 0.1
 
 
-def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
-    trials = trials_of(Study("study", tmp_path, tmp_path), "system2")
-    (count,) = {len(tries) for tries in LITTLE_TRIES.values()}
-    assert len({t.key for t in trials}) == len(trials) == 3 * count
-    assert {(t.motion, t.novice_minutes) for t in trials} == {("tuning", 5)}
-    sidm = [t.training for t in trials if t.method == "sidm"]
-    assert {training.p_expert for training in sidm} == {0.5, 0.9}
-
-
 @pytest.mark.parametrize("method", TRIES)
 def test_the_laptop_is_tuned_to_its_best_tries(method):
     """By the rule, the lowest test loss on system 1 wins."""
@@ -91,7 +82,7 @@ def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, syste
     study = Study("study", "no data", RESULTS)
     trials = [t for t in trials_of(study, system) if t.method == method]
     losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
-    assert len(losses) == len(LITTLE_TRIES[method])
+    assert len(losses) == len(LITTLE_TRIES[method]) == 6
     ways = [(trial.training, trial.pretraining) for trial in trials]
     figure3 = study.points(system, [method], [5.0])[0]
     same = losses[ways.index((figure3.training, figure3.pretraining))]
