@@ -127,10 +127,7 @@ def figure(
 ) -> Figure:
     """Each method's loss divided by the SIDM's, with its interval, as labelled dots.
 
-    Args:
-        table: made by `table`.
-        minutes: of novice data.
-        systems: one plot for each.
+    `table` is made by `table`; shown are rows with so many `minutes` of novice data.
     """
     table = table[(table.novice_minutes == minutes) & table.to_sidm.notna()]
     rows = [

@@ -183,10 +183,8 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
 def figure(compared: pd.DataFrame) -> Figure:
     """A row per change with a dot for each of its comparisons, the lowest ratio on top.
 
-    A dot is filled where the whole interval lies on one side of 1.
-
-    Args:
-        compared: rows of `table`; changes with one comparison are left out.
+    A dot is filled where the whole interval lies on one side of 1. Of the rows of
+    `table`, changes with one comparison are left out.
     """
     ranked = ranking(compared)
     rows = ranked[ranked.comparisons > 1].reset_index(drop=True)

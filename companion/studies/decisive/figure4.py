@@ -45,12 +45,9 @@ def figure(rows: pd.DataFrame, drive: int | None = None, seed: int = 0) -> Figur
     """Figure 4 under recipe R, of the rows of `table`: a row per system.
 
     One plot has the distance of the predicted from the actual position over time, the
-    mean over seeds with its standard error; the other a drive from above.
-
-    Args:
-        rows: rows of `table`.
-        drive: number of a stored drive, 0 to 2; None: that of `median_drive`.
-        seed: of the models that predict the drive.
+    mean over seeds with its standard error; the other a stored drive from above: number
+    `drive`, 0 to 2, by default that of `median_drive`, as the models of a seed predict
+    it.
     """
     figure, panels = side_by_side(2 * len(PAPER_SYSTEMS), 2)
     plots = zip(panels[::2], panels[1::2], PAPER_SYSTEMS, strict=True)
