@@ -130,7 +130,8 @@ def contents(
     `frame` has the rows of `verdicts.results`, `saved` is `along_training` of it,
     `search` has the trainings of the search on system 1.
     """
-    recipes, lengths = [], []
+    recipes: list[dict[str, Any]] = []
+    lengths: list[int] = []
     for (recipe, system), group in frame.groupby(["recipe", "system"], sort=False):
         if {"sidm", "novice_only"} <= set(group.method):
             rows = saved[(saved.recipe == recipe) & (saved.system == system)]
