@@ -88,13 +88,15 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SIZES)) -> Figur
         finish(axes, sizes, legend=False)
         lacking = [f"{size:g}" for size in sizes if size not in ours]
         if lacking:
-            place: dict[str, Any] = {
-                "xycoords": "axes fraction",
-                "ha": "right",
-                "va": "top",
-            }
-            text = f"not run: {', '.join(lacking)} min"
-            axes.annotate(text, (0.99, 0.97), color="0.35", **place, **SMALL)
+            axes.annotate(
+                f"not run: {', '.join(lacking)} min",
+                (0.99, 0.97),
+                xycoords="axes fraction",
+                ha="right",
+                va="top",
+                color="0.35",
+                **SMALL,
+            )
     legend_below(figure, panels)
     return figure
 
