@@ -28,7 +28,6 @@ from companion.studies.decisive import (
     verdicts,
 )
 from companion.studies.decisive.arms import FINETUNING
-from companion.studies.decisive.figures import by_length
 from companion.studies.decisive.verdicts import AT, END, RELEASED, SMALL
 from companion.study import Study
 from companion.trials import Trial
@@ -141,7 +140,7 @@ class Figure3:
         """
         trained = self.searched[self.searched.method != CLOSED_FORM]
         numbers = stopping_point.contents(self.long_trained, trained, self.along)
-        still = by_length(self.along, systems)
+        still = along.figure(self.along, systems)
         return stopping_charts.html(numbers, still, STOPPING, names)
 
     def losses_table(self) -> pd.DataFrame:

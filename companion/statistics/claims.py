@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from companion.methods import COMPARED
-from companion.statistics.intervals import interval
-from companion.statistics.pairs import complete, mean_difference, paired_comparison
+from companion.statistics.pairs import paired_comparison
 from companion.statistics.savings import ratio_texts, savings
 from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
@@ -126,23 +125,27 @@ def convergence_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     From this size on, the difference of the losses keeps its sign or shows none. There
     is one row, or none without results of Figure 3.
     """
-    losses = complete(frame, system)
-    if not losses.values.size:
+    frame = frame[frame.system == system]
+    sidm, alone = (frame[frame.method == name] for name in COMPARED)
+    table = paired_comparison(alone, sidm, by=(), difference=True)
+    if not len(table):
         return pd.DataFrame(columns=list(COLUMNS))
-    estimates = [
-        interval(mean_difference, losses.values[:, :, size])
-        for size in range(len(losses.minutes))
-    ]
-    sides = [estimate.side(0) for estimate in estimates]
-    others = [size for size, side in enumerate(sides) if side != sides[-1]]
-    start = losses.minutes[max(others, default=-1) + 1]
-    kind = {1: "better", 0: "alike", -1: "worse"}[sides[-1]]
-    known = np.isfinite(estimates[0]).all()
-    ours = f"with SIDM {kind} from {start:g} min on" if known else "-"
-    claim, paper = "the curves become comparable", "at about 2 h or 5 h"
-    seeds = len(losses.values)
-    values = (claim, system, paper, start, np.nan, np.nan, ours, seeds, UNCLEAR)
-    return pd.DataFrame([values], columns=list(COLUMNS))
+    table = table.sort_values("novice_minutes")
+    side = (table.low > 0).astype(int) - (table.high < 0)
+    # the first size after the last one with another sign
+    start = table.novice_minutes[side[::-1].eq(side.iloc[-1]).cummin()].min()
+    kind = {1: "better", 0: "alike", -1: "worse"}[side.iloc[-1]]
+    ours = f"with SIDM {kind} from {start:g} min on"
+    row = {
+        "claim": "the curves become comparable",
+        "system": system,
+        "paper": "at about 2 h or 5 h",
+        "value": start,
+        "ours": ours if np.isfinite(table.low.iloc[0]) else "-",
+        "seeds": table.seeds.min(),
+        "verdict": UNCLEAR,
+    }
+    return pd.DataFrame([row], columns=list(COLUMNS))
 
 
 def pretraining_claim(frame: pd.DataFrame, minutes: float) -> pd.DataFrame:
@@ -191,13 +194,11 @@ def figure4_claims(
 def figure4_text(frame: pd.DataFrame, minutes: float) -> str:
     """The deviation after 2.5 s with SIDM minus that without, in m, as a text.
 
-    Args:
-        frame: results of Figure 4 of one system.
-        minutes: of novice data.
+    `frame` has results of Figure 4 of one system; `minutes` are of novice data.
     """
-    found = figure4_claims(frame, (minutes,))[["value", "low", "high"]]
-    texts = [Interval(*row).text(2) for row in found.itertuples(index=False)]
-    return texts[0] if texts else "not run"
+    for row in figure4_claims(frame, (minutes,)).itertuples():
+        return Interval(row.value, row.low, row.high).text(2)
+    return "not run"
 
 
 def page_table(table: pd.DataFrame) -> pd.DataFrame:

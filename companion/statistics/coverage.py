@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from companion.statistics.efficiency import data_ratio, efficiency
+from companion.statistics.efficiency import data_ratio, isotonic_fit, minutes_needed
 from companion.statistics.intervals import (
     bootstrap,
     leave_one_out,
@@ -75,10 +75,11 @@ def released_study(seeds: int, rng: np.random.Generator, ratio: float) -> np.nda
 
 def log_ratio(pairs: np.ndarray) -> float:
     """Logarithm of the data-efficiency ratio at LEVEL of mean curves, of (S, 2, M)."""
-    sidm, novice_only = pairs.mean(0)
-    return float(
-        np.log(efficiency(MINUTES, sidm, novice_only, np.array([LEVEL])).ratio[0])
+    sidm, other = (
+        minutes_needed(MINUTES, isotonic_fit(curve), LEVEL)[0]
+        for curve in pairs.mean(0)
     )
+    return float(np.log(other / sidm))
 
 
 #: Kind of interval -> interval of `log_ratio` over the S seeds of losses (S, 2, M).
@@ -93,10 +94,9 @@ def coverage(
 ) -> tuple[float, float]:
     """Share of studies whose interval holds the ratio, and its log's median width."""
     rng = np.random.default_rng(seeds)
-    intervals = [method(synthetic_study(seeds, rng)) for _ in range(STUDIES)]
-    held = [interval.low <= np.log(RATIO) <= interval.high for interval in intervals]
-    widths = [interval.high - interval.low for interval in intervals]
-    return float(np.mean(held)), float(np.median(widths))
+    ends = np.array([method(synthetic_study(seeds, rng))[1:] for _ in range(STUDIES)])
+    held = (ends[:, 0] <= np.log(RATIO)) & (np.log(RATIO) <= ends[:, 1])
+    return float(held.mean()), float(np.median(np.diff(ends)))
 
 
 def mean_curves_interval(study: np.ndarray) -> tuple[float, float]:
@@ -179,11 +179,7 @@ def table(file: Path = FILE) -> pd.DataFrame:
     median width.
     """
     stored = read_record(file)
-    rows = [
-        (name, int(n), *shares)
-        for name in METHODS
-        for n, shares in stored[name].items()
-    ]
+    rows = [(name, int(n), *v) for name in METHODS for n, v in stored[name].items()]
     return pd.DataFrame(rows, columns=["interval", "seeds", "share", "width"])
 
 

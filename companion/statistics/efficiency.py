@@ -1,7 +1,7 @@
 """Data efficiency: how many times as much data one method needs for another's loss.
 
 Losses are read from isotonic fits of the learning curves: of mean curves by
-`efficiency`, of each seed's curve by `data_ratio`.
+`savings.savings`, of each seed's curve by `data_ratio`.
 """
 
 from __future__ import annotations
@@ -15,13 +15,6 @@ from companion.statistics.intervals import FEWEST_SEEDS
 from ownrobot.comparison.statistics import Interval, mean_interval, significant
 
 NO_VALUE = "no value"  # of a ratio from too few seeds
-#: (at least, at most) -> how to read a ratio
-BOUNDS = {
-    (True, True): "?",
-    (True, False): ">=",
-    (False, True): "<=",
-    (False, False): "=",
-}
 
 
 def isotonic_fit(losses: np.ndarray) -> np.ndarray:
@@ -51,56 +44,6 @@ def minutes_needed(
     across = np.log(curve[right - 1] / loss) / np.log(curve[right - 1] / curve[right])
     log_left, log_right = np.log(minutes[right - 1]), np.log(minutes[right])
     return float(np.exp(log_left + across * (log_right - log_left))), "="
-
-
-class Efficiency(NamedTuple):
-    """Data-efficiency ratio n_novice_only(loss) / n_sidm(loss) at L losses."""
-
-    loss: np.ndarray  # (L,)
-    ratio: np.ndarray  # (L,); NaN where neither a value nor a bound is known
-    bound: np.ndarray  # (L,) '=', '>=' (at least), '<=' (at most) or '?'
-
-
-def efficiency(
-    minutes: np.ndarray, sidm: np.ndarray, novice_only: np.ndarray, losses: np.ndarray
-) -> Efficiency:
-    """Data-efficiency ratio at L losses, from isotonic fits of mean curves (M,)."""
-    minutes, losses = np.asarray(minutes, float), np.asarray(losses, float)
-    sidm_fit, novice_fit = isotonic_fit(sidm), isotonic_fit(novice_only)
-    ratios, bounds = [], []
-    for loss in losses:
-        data, sign = minutes_needed(minutes, sidm_fit, loss)
-        novice_data, novice_sign = minutes_needed(minutes, novice_fit, loss)
-        more = novice_sign == ">" or sign == "<="
-        less = novice_sign == "<=" or sign == ">"
-        bound = BOUNDS[more, less]
-        ratios.append(np.nan if bound == "?" else novice_data / data)
-        bounds.append(bound)
-    return Efficiency(losses, np.array(ratios), np.array(bounds))
-
-
-def efficiency_at_sizes(
-    minutes: np.ndarray,
-    sidm: np.ndarray,
-    novice_only: np.ndarray,
-    novice_only_minutes: np.ndarray,
-) -> Efficiency:
-    """Data-efficiency ratio at the losses of the fitted SIDM curve (M,) at its sizes.
-
-    The divisor is the size itself, also where the fit is level and a smaller size would
-    be enough. The comparison's losses (N,) are at `novice_only_minutes`.
-    """
-    minutes, losses = np.asarray(minutes, float), isotonic_fit(sidm)
-    other, curve = np.asarray(novice_only_minutes, float), isotonic_fit(novice_only)
-    needed = [minutes_needed(other, curve, loss) for loss in losses]
-    ratios = np.array([data for data, _ in needed]) / minutes
-    bounds = [{"=": "=", ">": ">=", "<=": "<="}[sign] for _, sign in needed]
-    return Efficiency(losses, ratios, np.array(bounds))
-
-
-def log_of_value(ratio: float, bound: str) -> float:
-    """Logarithm of a ratio; NaN for a bound, because intervals need values."""
-    return float(np.log(ratio)) if bound == "=" else float("nan")
 
 
 class DataRatio(NamedTuple):
@@ -158,8 +101,7 @@ def data_ratio(
 
 def _in_words(ratios: np.ndarray, beyond: np.ndarray, below: np.ndarray) -> str:
     """What seeds say of a ratio that some of them only bound."""
-    known, count = ratios[~beyond & ~below], len(ratios)
-    parts = []
+    known, parts = ratios[~beyond & ~below], []
     if beyond.any():
         parts.append((f"at least {significant(ratios[beyond].min(), 2)}", beyond.sum()))
     if below.any():
@@ -170,5 +112,5 @@ def _in_words(ratios: np.ndarray, beyond: np.ndarray, below: np.ndarray) -> str:
     if len(parts) == 1:
         return parts[0][0]
     (first, number), *others = parts
-    words = [f"{first} in {number} of {count} seeds"]
+    words = [f"{first} in {number} of {len(ratios)} seeds"]
     return ", ".join(words + [f"{text} in {number}" for text, number in others])

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ownrobot.comparison.statistics import CONFIDENCE, Interval
 
@@ -46,12 +47,10 @@ def bootstrap(
 def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
     """Student's interval over seeds (S, ...), with the jackknife's standard error.
 
-    The jackknife computes `statistic` without each whole seed in turn. With few seeds,
-    resampling knows too little of what other seeds would give, and its intervals are
-    too narrow (module `coverage`); the interval of this function has the coverage that
-    it claims. The distribution of `statistic` should be about symmetric: use the
-    logarithm of a ratio. The interval is NaN with one seed, or if there is no value
-    without one of the seeds.
+    With few seeds, intervals of resampled seeds are too narrow (module `coverage`);
+    this one holds what it claims where the distribution of `statistic` is about
+    symmetric: use the logarithm of a ratio. It is NaN with one seed, or if there is no
+    value without one of the seeds.
     """
     from scipy.special import stdtrit  # late: lists of results do without it
 
@@ -67,19 +66,19 @@ def leave_one_out(statistic: Statistic, samples: np.ndarray) -> Interval:
     return Interval(value, value - reach, value + reach)
 
 
-def p_value(ratio: Interval, seeds: int) -> float:
-    """P-value of the hypothesis that a ratio is 1, from its interval over seeds.
+def p_values(ratios: ArrayLike, seeds: ArrayLike) -> np.ndarray:
+    """P-values (n,) of the hypothesis that a ratio is 1, from its interval over seeds.
 
     Student's two-sided test of the mean logarithm, whose 95 % interval the ratio, a
-    geometric mean, has. NaN without an interval.
+    geometric mean, has. NaN without an interval. `ratios` (n, 3) are values with the
+    lower and upper ends.
     """
     from scipy.special import stdtr, stdtrit  # late: lists of results do without it
 
-    value, low, high = np.log(ratio)
-    if seeds < 2 or not np.isfinite([low, high]).all():
-        return float("nan")
-    reach = stdtrit(seeds - 1, 0.5 + CONFIDENCE / 2)
-    return float(2 * stdtr(seeds - 1, -2 * reach * abs(value) / (high - low)))
+    value, low, high = np.log(np.asarray(ratios, float)).T
+    free = np.asarray(seeds, float) - 1
+    reach = stdtrit(free, 0.5 + CONFIDENCE / 2)
+    return 2 * stdtr(free, -2 * reach * np.abs(value) / (high - low))
 
 
 def holm(p: np.ndarray) -> np.ndarray:

@@ -170,14 +170,21 @@ def complete(
     return Losses(np.array(sizes, float), values, whole.index.to_numpy(int)[:count])
 
 
+def interval_texts(ends: pd.DataFrame, digits: int = 3) -> list[str]:
+    """Values and the ends of their intervals (n, 3) as texts; '-' without a value."""
+    return [
+        "-" if np.isnan(row[0]) else Interval(*row).text(digits)
+        for row in ends.itertuples(index=False)
+    ]
+
+
 def page_table(table: pd.DataFrame, digits: int = 3, **names: str) -> pd.DataFrame:
     """A table of comparisons for a page, value and interval in one column of text.
 
     `names` are headings of further columns.
     """
     value = "difference" if "difference" in table else "ratio"
-    ends = table[[value, "low", "high"]].itertuples(index=False)
-    texts = [Interval(*row).text(digits) for row in ends]
+    texts = interval_texts(table[[value, "low", "high"]], digits)
     page = table.drop(columns=["lower", value, "low", "high"], errors="ignore")
     headings = {
         "novice_minutes": "novice data (min)",

@@ -8,15 +8,14 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from companion.statistics.efficiency import (
-    Efficiency,
-    efficiency_at_sizes,
-    isotonic_fit,
-    log_of_value,
-    minutes_needed,
-)
+from companion.statistics.efficiency import isotonic_fit, minutes_needed
 from companion.statistics.intervals import interval
-from companion.statistics.pairs import Losses, complete, paired_comparison
+from companion.statistics.pairs import (
+    Losses,
+    complete,
+    interval_texts,
+    paired_comparison,
+)
 from ownrobot.comparison.statistics import Interval
 
 NUMBERS = ["novice_minutes", "seeds", "loss", "ratio", "low", "high"]
@@ -57,6 +56,8 @@ def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[t
     """Data ratio between two methods with one curve each (K = 1).
 
     A tuple per size of `own`: minutes, number of seeds, loss, ratio, low, high, bound.
+    The divisor is the size itself, also where the fit is level and a smaller size would
+    be enough. An interval needs values: a bound has none.
     """
     seeds, count = np.intersect1d(own.seeds, other.seeds), len(own.minutes)
     if not (seeds.size and count and len(other.minutes)):
@@ -66,25 +67,23 @@ def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[t
         [side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)]
     )
 
-    def at_sizes(losses: np.ndarray) -> Efficiency:
+    def at_size(losses: np.ndarray, size: int) -> tuple[float, float, str]:
         mean = losses.mean(0)
-        return efficiency_at_sizes(
-            own.minutes, mean[:count], mean[count:], other.minutes
-        )
+        loss, curve = isotonic_fit(mean[:count])[size], isotonic_fit(mean[count:])
+        data, sign = minutes_needed(other.minutes, curve, loss)
+        return float(loss), float(data / own.minutes[size]), sign
 
     def log_ratio(losses: np.ndarray, size: int) -> float:
-        drawn = at_sizes(losses)
-        return log_of_value(drawn.ratio[size], str(drawn.bound[size]))
+        _, ratio, sign = at_size(losses, size)
+        return float(np.log(ratio)) if sign == "=" else np.nan
 
-    all_seeds = at_sizes(both)
     rows: list[tuple] = []
     for size, minutes in enumerate(own.minutes):
         estimate = interval(functools.partial(log_ratio, size=size), both, held_out)
-        numbers = float(minutes), len(seeds), float(all_seeds.loss[size])
+        loss, ratio, sign = at_size(both, size)
+        bound = {"=": "=", ">": ">=", "<=": "<="}[sign]
         ends = np.exp(estimate[1:]).tolist()
-        rows.append(
-            (*numbers, float(all_seeds.ratio[size]), *ends, str(all_seeds.bound[size]))
-        )
+        rows.append((float(minutes), len(seeds), loss, ratio, *ends, bound))
     return rows
 
 
@@ -126,11 +125,10 @@ def with_savings(
 
 def with_savings_texts(table: pd.DataFrame) -> pd.DataFrame:
     """Ratios and savings of a table of `with_savings` for a page, '-' without one."""
-    ends = table[["ratio", "low", "high"]].itertuples(index=False)
     names = {"saved": "ratio", "saved_low": "low", "saved_high": "high"}
     saved = table[["bound", *names]].rename(columns=names).fillna({"bound": "="})
     texts = {
-        "ratio (95 % interval)": [Interval(*line).text(3) for line in ends],
+        "ratio (95 % interval)": interval_texts(table[["ratio", "low", "high"]]),
         "times the data": ratio_texts(saved),
     }
     return pd.DataFrame(texts, index=table.index, dtype=object).replace("nan", "-")

@@ -10,7 +10,6 @@ import pandas as pd
 from sidm.learning.stopping import (
     RELEASED_SMOOTHING,
     Curve,
-    KeptWeights,
     StoppingRule,
     kept_weights,
 )
@@ -35,13 +34,6 @@ def stored_curve(row: pd.Series) -> Curve:
     return Curve(samples, *losses, iteration=round(row.samples / row.iterations))
 
 
-def kept_of_trial(row: pd.Series, rule: StoppingRule) -> KeptWeights:
-    """The weights that a rule keeps of a trial, a row of the results."""
-    if rule.patience == 0:  # the smallest patience is one test
-        rule = rule._replace(patience=int(row.test_spacing))
-    return kept_weights(stored_curve(row), rule)
-
-
 def apply_rule(frame: pd.DataFrame, rule: StoppingRule) -> pd.DataFrame:
     """Apply a stopping rule to the trials that are stored with every test.
 
@@ -49,8 +41,11 @@ def apply_rule(frame: pd.DataFrame, rule: StoppingRule) -> pd.DataFrame:
     of the kept weights; `seen`, the samples at the last test before the end; `ended`,
     whether the rule ended the training.
     """
-    whole = frame[frame.test_spacing > 0]
-    kept = [kept_of_trial(row, rule) for _, row in whole.iterrows()]
+    whole, kept = frame[frame.test_spacing > 0], []
+    for _, row in whole.iterrows():
+        # the smallest patience is one test
+        patience = rule.patience if rule.patience != 0 else int(row.test_spacing)
+        kept.append(kept_weights(stored_curve(row), rule._replace(patience=patience)))
     return whole.assign(
         kept_samples=[weights.samples for weights in kept],
         kept_test=[weights.test_loss for weights in kept],

@@ -5,6 +5,7 @@ They run on small novice datasets; `most_data` runs on the largest.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -24,32 +25,31 @@ from companion.figures.style import (
 )
 from companion.methods import CHOICES, COMPARED, LONG_PATIENCE, METHODS
 from companion.presets import Preset
-from companion.statistics.pairs import POINT, paired_comparison
+from companion.statistics.pairs import POINT, interval_texts, paired_comparison
 from companion.statistics.tables import loss_summary
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
-from ownrobot.comparison.statistics import Interval
 from sidm.config import ConfigError, replace
 from sidm.plots import finish, side_by_side, styled
 from sidm.shards import trajectories_for
 from sidm.systems import PAPER_SYSTEMS
 
-#: Values of p_e; None stands for 'proportional to the data'.
-P_EXPERT = (0.0, 0.25, 0.5, 0.75, 0.9, None)
-
-#: Field of the training -> the numbers of iterations that are tried.
+#: Iterations of a phase, fields of the training -> the numbers that are tried.
 ITERATIONS = {
     "prediction_iterations": (20, 100, 500),
     "discriminator_iterations": (5, 20, 100),
     "matching_iterations": (0, 5, 20, 100),
 }
-
-#: Pixels on each side of the height map; the paper has 300, the released code 64.
-PIXELS = (16, 32, 64)
-
-#: Samples without a new minimum of the test loss before training ends.
-PATIENCE = (50_000, 150_000, 450_000)
+#: Ablated setting -> its values. A p_e of None stands for 'proportional to the data'.
+#: The paper's maps have 300 pixels on each side, the released code's 64; the patience
+#: is in samples without a new minimum of the test loss.
+VALUES: dict[str, tuple[Any, ...]] = {
+    "p_expert": (0.0, 0.25, 0.5, 0.75, 0.9, None),
+    **ITERATIONS,
+    "pixels": (16, 32, 64),
+    "patience": (50_000, 150_000, 450_000),
+}
 
 #: Settings that both of the paper's methods have.
 OF_BOTH = ("pixels", "patience")
@@ -93,93 +93,68 @@ def proportional(preset: Preset, minutes: float) -> float:
     return round(expert / (expert + novice), 6)
 
 
-def p_expert(
-    study: Study,
-    system: str,
-    values: Iterable[float | None] = P_EXPERT,
-    sizes: Sequence[float] = (),
-) -> list[Trial]:
-    """Ablation of p_e; at 0 there is no regularisation, so no expert data is used.
-
-    None among the `values` stands for `proportional`; `sizes`, min of novice data, are
-    those of the preset's ablations by default.
-    """
-    trials = []
-    for minutes in sizes or study.preset.ablation_minutes:
-        for value in values:
-            p = proportional(study.preset, minutes) if value is None else value
-            sidm = study.preset.training_of(METHODS["sidm"], system)
-            training = replace(sidm, p_expert=p, regularise=p > 0)
-            method = "sidm" if p > 0 else "novice_only"
-            trials += study.points(
-                system, [method], [minutes], training, study.preset.ablation_seeds
-            )
-    return trials
-
-
-def iterations(
-    study: Study,
-    system: str,
-    phase: str,
-    values: Iterable[int] | None = None,
-    sizes: Sequence[float] = (),
-) -> list[Trial]:
-    """Ablation of the iterations of one phase, a name of ITERATIONS.
-
-    0 matching iterations mean training without regularisation; 0 iterations of another
-    phase raise ConfigError.
-    """
-    sizes, trials = sizes or study.preset.ablation_minutes, []
-    for value in ITERATIONS[phase] if values is None else values:
-        if value == 0 and phase != "matching_iterations":
-            raise ConfigError(
-                f"{phase} must be at least 1; "
-                "without an adversary there are 0 matching_iterations"
-            )
-        method = "sidm" if value > 0 else "no_regularisation"
-        training = study.preset.training_of(METHODS[method], system)
-        if value > 0:
-            training = replace(training, **{phase: value})
-        trials += study.points(
-            system, [method], sizes, training, study.preset.ablation_seeds
-        )
-    return trials
-
-
-def setting(
+def ablation(
     study: Study,
     system: str,
     name: str,
-    values: Iterable[int],
+    values: Iterable[Any] | None = None,
     sizes: Sequence[float] = (),
 ) -> list[Trial]:
-    """Ablation of a setting that both of the paper's methods have.
+    """Trials with a setting at each of some values: 'p_expert' or a key of VALUES.
 
-    It is a field of the training or of the network.
+    At a p_e of 0 there is no regularisation, so no expert data is used; None stands for
+    the p_e that is `proportional`. 0 matching iterations mean training without
+    regularisation; 0 iterations of another phase raise ConfigError. Settings OF_BOTH
+    are those of both of the paper's methods. `sizes`, min of novice data, are those of
+    the preset's ablations by default.
     """
-    sizes = sizes or study.preset.ablation_minutes
-    return [
-        trial
-        for value in values
-        for trial in study.changed(**{name: value}).points(
-            system, COMPARED, sizes, seeds=study.preset.ablation_seeds
-        )
-    ]
+    preset, trials = study.preset, []
+    sizes, seeds = sizes or preset.ablation_minutes, preset.ablation_seeds
+    values = VALUES[name] if values is None else list(values)
+    if name in OF_BOTH:
+        for value in values:
+            changed = study.changed(**{name: value})
+            trials += changed.points(system, COMPARED, sizes, seeds=seeds)
+    elif name == "p_expert":
+        sidm = preset.training_of(METHODS["sidm"], system)
+        for minutes, value in itertools.product(sizes, values):
+            p = proportional(preset, minutes) if value is None else value
+            training = replace(sidm, p_expert=p, regularise=p > 0)
+            method = "sidm" if p > 0 else "novice_only"
+            trials += study.points(system, [method], [minutes], training, seeds)
+    else:
+        for value in values:
+            if value == 0 and name != "matching_iterations":
+                raise ConfigError(
+                    f"{name} must be at least 1; "
+                    "without an adversary there are 0 matching_iterations"
+                )
+            method = "sidm" if value > 0 else "no_regularisation"
+            training = preset.training_of(METHODS[method], system)
+            if value > 0:
+                training = replace(training, **{name: value})
+            trials += study.points(system, [method], sizes, training, seeds)
+    return trials
+
+
+def p_expert(study: Study, system: str) -> list[Trial]:
+    """The ablation of p_e."""
+    return ablation(study, system, "p_expert")
 
 
 def phases(study: Study, system: str) -> list[Trial]:
     """The ablations of all three phases."""
-    return [trial for phase in ITERATIONS for trial in iterations(study, system, phase)]
+    return [trial for name in ITERATIONS for trial in ablation(study, system, name)]
 
 
 def pixels(study: Study, system: str) -> list[Trial]:
     """The ablation of the map's resolution."""
-    return setting(study, system, "pixels", PIXELS)
+    return ablation(study, system, "pixels")
 
 
 def patience(study: Study, system: str) -> list[Trial]:
     """The ablation of the patience."""
-    return setting(study, system, "patience", PATIENCE)
+    return ablation(study, system, "patience")
 
 
 def usual(preset: Preset, system: str, name: str) -> float:
@@ -195,21 +170,14 @@ def with_usual(
     values: Iterable[Any],
     sizes: Sequence[float] = (),
 ) -> list[Trial]:
-    """Ablation of any setting, with Figure 3's value for comparison.
-
-    The setting is a key of ITERATIONS, one of OF_BOTH or 'p_expert'.
-    """
+    """The trials of `ablation`, with Figure 3's value for comparison, each once."""
     every = [*values, usual(study.preset, system, name)]
-    if name == "p_expert":
-        trials = p_expert(study, system, every, sizes)
-    elif name in ITERATIONS:
-        trials = iterations(study, system, name, every, sizes)
-    else:
-        trials = setting(study, system, name, every, sizes)
+    trials = ablation(study, system, name, every, sizes)
     return list({trial.key: trial for trial in trials}.values())
 
 
-def _values(frame: pd.DataFrame, name: str) -> pd.Series:
+def values_of(frame: pd.DataFrame, name: str) -> pd.Series:
+    """The value of an ablated setting in each result."""
     if name == "matching_iterations":  # none without regularisation
         return frame[name].where(frame.regularise.astype(bool), 0)
     return frame[name]
@@ -223,7 +191,7 @@ def table(frame: pd.DataFrame, name: str, by_method: bool = False) -> pd.DataFra
     trials with the same value are taken together.
     """
     return loss_summary(
-        frame.assign(value=_values(frame, name)),
+        frame.assign(value=values_of(frame, name)),
         ["system", "novice_minutes", *(["method"] if by_method else []), "value"],
     )
 
@@ -238,7 +206,7 @@ def ratios(
     `pairs.paired_comparison`: one row per system, size, `value`, and method where both
     have the setting.
     """
-    value = _values(frame, name).astype(float)
+    value = values_of(frame, name).astype(float)
     is_usual = value == frame.system.map(usual).astype(float)
     valued, on = frame.assign(value=value), list(POINT)
     if name in OF_BOTH:
@@ -258,16 +226,13 @@ def page_table(table: pd.DataFrame, ratios: pd.DataFrame) -> pd.DataFrame:
     page = rows[[key for key in ("system", "method") if key in rows]]
     if "method" in page:
         page = page.assign(method=[METHODS[name].label for name in rows.method])
-    known = [Interval(*row) for row in rows[ends].itertuples(index=False)]
     spans = zip(rows.minimum, rows.maximum, strict=True)
     texts = {
         "value": [f"{round(value, 2):,g}" for value in rows.value],
         "seeds": rows.trials,
-        "loss": [f"{loss:.3f}" for loss in rows["mean"]],
+        "loss": rows["mean"].map("{:.3f}".format),
         "least to greatest": [f"{low:.3f} to {high:.3f}" for low, high in spans],
-        "ratio (95 % interval)": [
-            "-" if pd.isna(ratio.value) else ratio.text(3) for ratio in known
-        ],
+        "ratio (95 % interval)": interval_texts(rows[ends]),
     }
     return page.assign(**texts)
 

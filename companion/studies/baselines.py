@@ -11,15 +11,15 @@ from matplotlib.figure import Figure
 from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
 from companion.methods import BASELINES, COMPARED, FIGURE3, METHODS
-from companion.statistics.pairs import paired_comparison
+from companion.statistics.pairs import interval_texts, paired_comparison
 from companion.studies.reproduction import with_repeats
-from companion.studies.throughput import Pace, seconds
+from companion.studies.throughput import seconds
 from companion.study import Study
 from companion.trials import Trial
-from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
 
 POINT = ["system", "novice_minutes", "method"]
+ENDS, ENDINGS = ["ratio", "low", "high"], ["", "_low", "_high"]
 #: Column of the ratio to each of the paper's methods, on a page.
 RATIOS = {"sidm": "to SIDM's (95 % interval)", "novice_only": "to that without SIDM"}
 #: Headings of the figure -> methods below it, with the names of their rows.
@@ -67,7 +67,7 @@ def trials(study: Study, system: str) -> list[Trial]:
 def table(
     frame: pd.DataFrame,
     results: str | Path,
-    paces: Mapping[str, Pace] | None = None,
+    paces: Mapping[str, float] | None = None,
 ) -> pd.DataFrame:
     """Losses and costs of each method, one row per system, size and method.
 
@@ -77,56 +77,49 @@ def table(
     Returns:
         Rows in the order of METHODS: `seeds`; mean `loss`, `lowest` and `highest`; mean
         `samples` of prediction and pretraining; mean `minutes` of one core, from the
-        method's pace, or, where it has none, as long as the trials took beside whatever
-        ran at that time; and the ratio of the loss to that of each of the paper's
-        methods with its interval, `to_sidm`, `to_sidm_low` and so on.
+        method's pace, or else as long as the trials took; and the ratio of the loss to
+        that of each of the paper's methods: `to_sidm`, `to_sidm_low` and so on.
     """
     frame = frame.assign(
         samples=frame.samples + frame.pretraining_samples,
         minutes=seconds(frame, paces or {}).fillna(frame.seconds) / 60,
     )
-    means = (
-        frame.groupby(POINT, sort=False)
-        .agg(
-            seeds=("seed", "size"),
-            loss=("validation_loss", "mean"),
-            lowest=("validation_loss", "min"),
-            highest=("validation_loss", "max"),
-            samples=("samples", "mean"),
-            minutes=("minutes", "mean"),
-        )
-        .reset_index()
-    )
+    losses = frame.groupby(POINT, sort=False)
+    means = losses.agg(
+        seeds=("seed", "size"),
+        loss=("validation_loss", "mean"),
+        lowest=("validation_loss", "min"),
+        highest=("validation_loss", "max"),
+        samples=("samples", "mean"),
+        minutes=("minutes", "mean"),
+    ).reset_index()
     for paper in COMPARED:
         rest, reference = frame[frame.method != paper], frame[frame.method == paper]
-        ends = {"low": f"to_{paper}_low", "high": f"to_{paper}_high"}
-        names = {"ratio": f"to_{paper}"} | ends
-        reference = with_repeats(reference, results)
-        ratios = paired_comparison(rest, reference)[[*POINT, *names]]
-        means = means.merge(ratios.rename(columns=names), how="left", on=POINT)
-    order = means.method.map(list(METHODS).index)
-    return (
-        means.assign(order=order)
-        .sort_values(["system", "novice_minutes", "order"])
-        .drop(columns="order")
+        names = dict(zip(ENDS, (f"to_{paper}{end}" for end in ENDINGS), strict=True))
+        ratios = paired_comparison(rest, with_repeats(reference, results))
+        ratios = ratios[[*POINT, *ENDS]].rename(columns=names)
+        means = means.merge(ratios, how="left", on=POINT)
+    place = {name: number for number, name in enumerate(METHODS)}
+    return means.sort_values(
+        POINT, key=lambda column: column.map(lambda value: place.get(value, value))
     )
 
 
 def page_tables(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """A title and a table of texts for each system and size of `table`."""
     for (system, minutes), rows in table.groupby(["system", "novice_minutes"]):
-        labels = [METHODS[name].label for name in rows.method]
-        shown = pd.DataFrame({"method": labels, "seeds": rows.seeds.tolist()})
-        shown["loss"] = [f"{loss:.3f}" for loss in rows.loss]
+        texts = {
+            "method": [METHODS[name].label for name in rows.method],
+            "seeds": rows.seeds.tolist(),
+            "loss": [f"{loss:.3f}" for loss in rows.loss],
+        }
         for other, name in RATIOS.items():
-            columns = [f"to_{other}{end}" for end in ("", "_low", "_high")]
-            shown[name] = [
-                "-" if pd.isna(ends[0]) else Interval(*ends).text(3)
-                for ends in rows[columns].itertuples(index=False)
-            ]
-        shown["samples"] = [f"{count:,.0f}" for count in rows.samples]
-        shown["minutes"] = [f"{spent:.1f}" for spent in rows.minutes]
-        yield f"{system_label(system)}, {minutes:g} min of novice data", shown
+            ends = rows[[f"to_{other}{end}" for end in ENDINGS]]
+            texts[name] = interval_texts(ends)
+        texts["samples"] = [f"{count:,.0f}" for count in rows.samples]
+        texts["minutes"] = [f"{spent:.1f}" for spent in rows.minutes]
+        title = f"{system_label(system)}, {minutes:g} min of novice data"
+        yield title, pd.DataFrame(texts)
 
 
 def figure(
@@ -134,10 +127,7 @@ def figure(
 ) -> Figure:
     """Each method's loss divided by the SIDM's, with its interval, as labelled dots.
 
-    Args:
-        table: made by `table`.
-        minutes: of novice data.
-        systems: one plot for each.
+    `table` is made by `table`; shown are rows with so many `minutes` of novice data.
     """
     table = table[(table.novice_minutes == minutes) & table.to_sidm.notna()]
     rows = [

@@ -93,13 +93,9 @@ def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
 def saved(frame: pd.DataFrame) -> pd.DataFrame:
     """Data ratios of the SIDM in Figure 3 and with choices of the released code.
 
-    Where only the SIDM has a choice, the novice alone is that of Figure 3.
-
-    Args:
-        frame: made by `frame` with RELEASED.
-
-    Returns:
-        A table of `savings.savings` with the column `choice`.
+    Where only the SIDM has a choice, the novice alone is that of Figure 3. `frame` is
+    made by `frame` with RELEASED; the table is one of `savings.savings` with the column
+    `choice`.
     """
     parts = []
     for choice, rows in frame.groupby("choice", sort=False):
@@ -113,8 +109,7 @@ def saved(frame: pd.DataFrame) -> pd.DataFrame:
 def figure(table: pd.DataFrame) -> Figure:
     """A row per choice with the ratio of each method's losses and its interval.
 
-    Args:
-        table: rows of `table` of one system and size.
+    `table` has rows of `table` of one system and size.
     """
     names = list(dict.fromkeys(table.choice))
     drawn, (axes,) = dot_plots(1, len(names), height=0.55)

@@ -1,5 +1,8 @@
-"""What might limit the SIDM: each hypothesis tested by changes of SIDM.
+"""What might limit the SIDM: hypotheses, tested by changes of SIDM.
 
+They are how alike the robots are, learning from both at once, parts of their own, the
+adversary, the balance of the phases, p_e, the stopping rule, the encoder's first layer
+behind the map, the optimiser of parts without gradient, and the composition of batches.
 The losses of each change are compared with those of SIDM without the change.
 """
 
@@ -25,11 +28,7 @@ from companion.figures.style import METHOD_STYLES, legend_below, system_label
 from companion.methods import (
     BOTH_OF_SIDM,
     CHOICES,
-    LONG_PATIENCE,
     METHODS,
-    ONE_OPTIMISER,
-    ONE_SYSTEM,
-    PYTORCH_WEIGHTS,
     RELEASED,
 )
 from companion.statistics.claims import BETTER, NO_VERDICT, WORSE, ratio_verdicts
@@ -41,40 +40,18 @@ from companion.trials import Trial
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
-# The hypotheses: what might limit the SIDM.
-ALIKE = "how alike the robots are"
-TOGETHER = "learning from both robots at once"
-APART = "an encoder and a decoder for each system"
-ADVERSARY = "the adversary"
-PHASES = "the balance of the phases"
-P_EXPERT = "$p_e$, at little and at much novice data"
-STOPPING = "the stopping rule"
-FIRST_LAYER = "the encoder's first layer behind the map, which grows with its pixels"
-OPTIMISER = "what the optimiser does to parts without gradient"
-BATCHES = "the composition of the batches"
-RELEASED_TWO = "one optimiser and one system a batch together"
-OTHERS = "initial weights, the loss's mean, the weight decay"
-
-#: Other method that learns from two systems -> the hypothesis that it tests.
-REPLACED = {
-    "no_regularisation": ADVERSARY,
-    "strong_matching": ADVERSARY,
-    "mmd": ADVERSARY,
-    "coral": ADVERSARY,
-    "gradient_reversal": ADVERSARY,
-    "pooled": APART,
-    "pooled_flag": APART,
-    "pretrain_finetune": TOGETHER,
-    "expert_only": ALIKE,
-}
-
-#: Changed choice of `methods.CHOICES` -> the hypothesis that it tests.
-CONCERNS = {
-    LONG_PATIENCE: STOPPING,
-    ONE_SYSTEM: BATCHES,
-    ONE_OPTIMISER: OPTIMISER,
-    PYTORCH_WEIGHTS: OTHERS,
-}
+#: Other methods that learn from two systems.
+REPLACED = (
+    "no_regularisation",
+    "strong_matching",
+    "mmd",
+    "coral",
+    "gradient_reversal",
+    "pooled",
+    "pooled_flag",
+    "pretrain_finetune",
+    "expert_only",
+)
 
 #: Column of a diagnosis -> the expert's parts that predicted the novice's motion.
 CROSSED = {
@@ -90,9 +67,8 @@ POINT = ["system", "novice_minutes"]
 
 
 class Change(NamedTuple):
-    """A change of SIDM that tests a hypothesis, and the trials that it needs."""
+    """A change of SIDM that tests what might limit it, and the trials that it needs."""
 
-    hypothesis: str
     change: str
     figure: str  # the grid that has these trials, as `companion run --figure` names it
     trials: list[Trial]
@@ -102,67 +78,59 @@ def changes(study: Study, system: str) -> Iterator[Change]:
     """All changes of a system's SIDM that are made by training it differently."""
     preset = study.preset
     sizes, sidm = preset.baseline_minutes, preset.training_of(METHODS["sidm"], system)
-    for method, hypothesis in REPLACED.items():
+    for method in REPLACED:
         # expert_only uses no novice data: one size is enough
         at = sizes[:1] if method == "expert_only" else sizes
         trials = study.points(system, [method], at)
-        yield Change(hypothesis, METHODS[method].label, "baselines", trials)
+        yield Change(METHODS[method].label, "baselines", trials)
     for choice, (settings, methods) in CHOICES.items():
         if "sidm" in methods:
             small = preset.ablation_minutes[:1]
             trials = study.changed(**settings).points(system, ["sidm"], small)
-            yield Change(CONCERNS.get(choice, OTHERS), choice, "choices", trials)
+            yield Change(choice, "choices", trials)
     both = study.changed(**RELEASED[BOTH_OF_SIDM][0])
     trials = both.points(system, ["sidm"], preset.novice_minutes(system))
-    yield Change(RELEASED_TWO, BOTH_OF_SIDM, "released", trials)
-    for p in ablations.P_EXPERT:
-        if p is not None and p not in (0.0, sidm.p_expert):
-            trials = ablations.p_expert(study, system, [p])
-            yield Change(P_EXPERT, f"p_e of {p:g}", "p-expert", trials)
+    yield Change(BOTH_OF_SIDM, "released", trials)
+    for p in ablations.VALUES["p_expert"]:
+        if p not in (None, 0.0, sidm.p_expert):
+            trials = ablations.ablation(study, system, "p_expert", [p])
+            yield Change(f"p_e of {p:g}", "p-expert", trials)
     for phase, values in ablations.ITERATIONS.items():
         for value in values:
             if value not in (0, getattr(sidm, phase)):
-                trials = ablations.iterations(study, system, phase, [value])
+                trials = ablations.ablation(study, system, phase, [value])
                 change = f"{value} {phase.replace('_', ' ')}"
-                yield Change(PHASES, change, "iterations", trials)
-    for pixels in ablations.PIXELS:
+                yield Change(change, "iterations", trials)
+    for pixels in ablations.VALUES["pixels"]:
         if pixels != preset.network.pixels:
-            trials = ablations.setting(study, system, "pixels", [pixels])
+            trials = ablations.ablation(study, system, "pixels", [pixels])
             trials = [trial for trial in trials if trial.method == "sidm"]
-            yield Change(FIRST_LAYER, f"maps of {pixels} pixels", "pixels", trials)
-    tested = {
-        f"p_e of {ablations.MOST_DATA_P_EXPERT:g}": P_EXPERT,
-        METHODS["no_regularisation"].label: ADVERSARY,
-        LONG_PATIENCE: STOPPING,
-    }
+            yield Change(f"maps of {pixels} pixels", "pixels", trials)
     for change, trials in ablations.most_data(study, system).items():
-        yield Change(tested[change], change, "most-data", trials)
+        yield Change(change, "most-data", trials)
+
+
+def _unchanged(study: Study, system: str) -> list[Trial]:
+    """The trials of SIDM as it is, each once."""
+    preset = study.preset
+    sizes = dict.fromkeys([*preset.novice_minutes(system), *preset.baseline_minutes])
+    return study.points(system, ["sidm"], sizes)
 
 
 def trials(study: Study, system: str) -> list[Trial]:
     """The trials of SIDM as it is and with every change, each once."""
-    preset = study.preset
-    sizes = [*preset.novice_minutes(system), *preset.baseline_minutes]
-    every = study.points(system, ["sidm"], sizes)
+    every = _unchanged(study, system)
     every += [trial for change in changes(study, system) for trial in change.trials]
     return list({trial.key: trial for trial in every}.values())
 
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
-    """Stored results by `hypothesis` and `change`; SIDM itself has change UNCHANGED."""
+    """Stored results by `change`; SIDM itself has change UNCHANGED."""
     parts = []
     for system in systems:
-        preset = study.preset
-        sizes = [*preset.novice_minutes(system), *preset.baseline_minutes]
-        trials = study.points(system, ["sidm"], sizes)
-        sidm = store.frame({trial.key: trial for trial in trials}.values(), curves=True)
-        parts.append(sidm.assign(change=UNCHANGED, hypothesis=""))
-        parts += [
-            store.frame(trials, curves=True).assign(
-                change=change, hypothesis=hypothesis
-            )
-            for hypothesis, change, _, trials in changes(study, system)
-        ]
+        unchanged = Change(UNCHANGED, "", _unchanged(study, system))
+        for change, _, trials in (unchanged, *changes(study, system)):
+            parts.append(store.frame(trials, curves=True).assign(change=change))
     return pd.concat(parts)
 
 
@@ -174,9 +142,8 @@ def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     and ratio, the lowest ratio first.
     """
     sidm = frame.change == UNCHANGED
-    changed, by = frame[~sidm], ["hypothesis", "change"]
     reference = with_repeats(frame[sidm], results)
-    compared = paired_comparison(changed, reference, POINT, by)
+    compared = paired_comparison(frame[~sidm], reference, POINT, ["change"])
     compared["verdict"] = ratio_verdicts(compared)
     return compared.sort_values([*POINT, "ratio"], ignore_index=True)
 
@@ -196,13 +163,13 @@ def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
     """Changes sorted by the least ratio that they reach, of the rows of `table`.
 
-    One row per hypothesis and change: the number of `comparisons` with an interval, in
-    how many of them the change is `better` or `worse` (the whole interval lies on one
-    side of 1), and the `least` and `greatest` ratio.
+    One row per change: the number of `comparisons` with an interval, in how many of
+    them the change is `better` or `worse` (the whole interval lies on one side of 1),
+    and the `least` and `greatest` ratio.
     """
     clear = table[table.verdict != NO_VERDICT]
     clear = clear.assign(better=clear.verdict == BETTER, worse=clear.verdict == WORSE)
-    counts = clear.groupby(["hypothesis", "change"]).agg(
+    counts = clear.groupby("change").agg(
         comparisons=("ratio", "size"),
         better=("better", "sum"),
         worse=("worse", "sum"),
@@ -216,10 +183,8 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
 def figure(compared: pd.DataFrame) -> Figure:
     """A row per change with a dot for each of its comparisons, the lowest ratio on top.
 
-    A dot is filled where the whole interval lies on one side of 1.
-
-    Args:
-        compared: rows of `table`; changes with one comparison are left out.
+    A dot is filled where the whole interval lies on one side of 1. Of the rows of
+    `table`, changes with one comparison are left out.
     """
     ranked = ranking(compared)
     rows = ranked[ranked.comparisons > 1].reset_index(drop=True)
@@ -259,9 +224,9 @@ def memorised(frame: pd.DataFrame) -> pd.DataFrame:
         kept = _kept_point(row)
         near = row.curve_training_loss[max(kept - 1, 0) : kept + 2]
         trainings.append(float(np.mean(near)))
-    order = frame.method.map(list(METHODS).index)
+    order = {name: number for number, name in enumerate(METHODS)}
     means = (
-        frame.assign(training=trainings, order=order)
+        frame.assign(training=trainings, order=frame.method.map(order))
         .groupby(["system", "order", "method", "novice_minutes"])
         .agg(training=("training", "mean"), validation=("validation_loss", "mean"))
         .reset_index()

@@ -110,6 +110,6 @@ def slow_ratio(table: pd.DataFrame, hidden: int) -> str:
     """SIDM's ratio at the smaller rate, with LSTMs of so many hidden units, as text."""
     slow = table.learning_rate == SLOW["learning_rate"]
     rows = table[(table.method == "sidm") & slow & (table.hidden == hidden)]
-    texts = [f"{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f})" for r in rows.itertuples()]
-    known = len(texts) == 1 and rows.seeds.iloc[0] > 1
-    return texts[0] if known else "not run"
+    if len(rows) != 1 or rows.seeds.iloc[0] < 2:
+        return "not run"
+    return "{:.2f} ({:.2f} to {:.2f})".format(*rows[["ratio", "low", "high"]].iloc[0])

@@ -115,16 +115,25 @@ def recorded_motion(name: str) -> PlanarMotion:
 
 
 def motion_samples(motion: PlanarMotion) -> MotionSamples:
-    """All samples that have BEFORE steps before them and AHEAD steps after them."""
+    """All samples that have BEFORE steps before them and AHEAD steps after them.
+
+    The speed and yaw rate of a command are fitted to the motion by least squares, with
+    the mean commands of the next second and their products as terms.
+    """
     poses = motion.poses.copy()
     poses[..., 2] = np.unwrap(poses[..., 2], axis=1)
     times = np.arange(BEFORE, poses.shape[1] - AHEAD)
     now, then, later = (poses[:, times + shift] for shift in (0, -BEFORE, AHEAD))
     velocity = -_relative(now, then)[..., :2] / BEFORE * RATE
+    motions = _relative(now, later)
     # mean commands (N, times, A)
     commands = np.stack([motion.actions[:, t : t + AHEAD].mean(1) for t in times], 1)
-    motions = _relative(now, later)
-    twist = _twist(commands, motions)
+    rows, columns = np.triu_indices(commands.shape[-1])
+    products = commands[..., rows] * commands[..., columns]
+    terms = np.concatenate([np.ones_like(commands[..., :1]), commands, products], -1)
+    targets = motions[..., (0, 2)].reshape(-1, 2) * RATE / AHEAD
+    flat = terms.reshape(-1, terms.shape[-1])
+    twist = terms @ np.linalg.lstsq(flat, targets, rcond=None)[0]
     features = np.concatenate([velocity, motion.yaw_rate[:, times, None], twist], -1)
     numbers = np.broadcast_to(np.arange(len(poses))[:, None], features.shape[:2])
     return MotionSamples(
@@ -138,20 +147,6 @@ def _relative(frames: np.ndarray, poses: np.ndarray) -> np.ndarray:
     forward = np.cos(yaw) * moved[..., 0] + np.sin(yaw) * moved[..., 1]
     left = np.cos(yaw) * moved[..., 1] - np.sin(yaw) * moved[..., 0]
     return np.stack([forward, left, moved[..., 2]], -1)
-
-
-def _twist(commands: np.ndarray, motions: np.ndarray) -> np.ndarray:
-    """Speed, m/s, and yaw rate, rad/s, (..., 2) that commands (..., A) lead to.
-
-    They are fitted by least squares, with the commands and their products as terms.
-    """
-    rows, columns = np.triu_indices(commands.shape[-1])
-    ones = np.ones_like(commands[..., :1])
-    products = commands[..., rows] * commands[..., columns]
-    terms = np.concatenate([ones, commands, products], -1)
-    targets = motions[..., (0, 2)].reshape(-1, 2) * RATE / AHEAD
-    flat = terms.reshape(-1, terms.shape[-1])
-    return terms @ np.linalg.lstsq(flat, targets, rcond=None)[0]
 
 
 def gap(expert: PlanarMotion, novice: PlanarMotion) -> dict[str, float]:
@@ -305,12 +300,8 @@ def groups(
 ) -> dict[str, Group]:
     """Kinds of pairs -> their results, for `saved`.
 
-    Args:
-        figure3: results of Figure 3.
-        free: the same with free struts.
-        bodies: results of novices with other bodies.
-        relatives: records of several experts.
-        recorded: records of real robots.
+    The results are those of Figure 3, the same with free struts, novices with other
+    bodies, records of several experts, and records of real robots.
     """
     member = family_of(figure3, family_results.table(relatives))
     real = robot_results.long(recorded)
@@ -336,16 +327,17 @@ def figure(table: pd.DataFrame) -> Figure:
 
     No dot is drawn where the sizes that were run give no more than a bound.
     """
+    titles = {method: panel for panel, method in PANELS.items()}
+    headings = {kind: name for name, kinds in HEADINGS.items() for kind in kinds}
+    place = {kind: number for number, kind in enumerate(HEADINGS)}
     table = table[table.bound == "="].sort_values("gap", kind="stable")
-    rows = [
-        (panel, _row(row), heading, method, row.ratio, row.low, row.high)
-        for heading, kinds in HEADINGS.items()
-        for row in table[table.kind.isin(kinds)].itertuples()
-        for panel, method in PANELS.items()
-        if row.method == method
-    ]
-    names = ["panel", "row", "group", "method", "value", "low", "high"]
-    dots = pd.DataFrame(rows, columns=names)
+    dots = table.assign(
+        panel=table.method.map(titles),
+        row=[_row(row) for row in table.itertuples()],
+        group=table.kind.map(headings),
+        value=table.ratio,
+    )
+    dots = dots.sort_values("group", key=lambda names: names.map(place), kind="stable")
     ticks = 0.3, 1.0, 3.0, 10.0, 30.0, 100.0
     return dot_plot(dots, "data saved (times)", list(PANELS), ticks)
 

@@ -64,6 +64,7 @@ def retrained(records: Iterable[Any], things: str, results: str | Path) -> str:
 
 
 def _settings(frame: pd.DataFrame) -> pd.Series:
+    """A text of the settings of each result: all that a trial has but its data."""
     names = ["system", "method", "novice_minutes", "seed"]
     for kind in (Network, StudyTraining):
         names += [field.name for field in dataclasses.fields(kind)]
@@ -93,21 +94,28 @@ def unmatched(stored: Results, repeated: Results) -> dict[str, int]:
     -> how many trials it holds for, the commonest first.
     """
     points: dict[tuple, list[dict]] = {}
-    for trial in (row.trial for row in stored.all()):
-        points.setdefault(_point(trial), []).append(_values(trial))
+    for values in (_values(row.trial) for row in stored.all()):
+        points.setdefault(_point(values), []).append(values)
     reasons: collections.Counter[str] = collections.Counter()
     for row in repeated.all():
         if stored.get(row.trial) is None:
-            own, others = _values(row.trial), points.get(_point(row.trial), [])
-            differing = [_differing(own, other) for other in others]
+            own = _values(row.trial)
+            differing = [
+                [
+                    f"{name} {value} (there {other[name]})"
+                    for name, value in own.items()
+                    if name in other and value != other[name]
+                ]
+                for other in points.get(_point(own), [])
+            ]
             nearest = min(differing, key=len, default=["no such method and size"])
             more = [f"{len(nearest) - NAMED} more"] * (len(nearest) > NAMED)
             reasons[", ".join([*nearest[:NAMED], *more])] += 1
     return dict(reasons.most_common())
 
 
-def _point(trial: Trial) -> tuple:
-    return trial.system, trial.method, trial.novice_minutes
+def _point(values: dict[str, Any]) -> tuple:
+    return values["system"], values["method"], values["novice_minutes"]
 
 
 def _values(trial: Trial) -> dict[str, Any]:
@@ -115,13 +123,4 @@ def _values(trial: Trial) -> dict[str, Any]:
     values = to_mapping(trial)
     values |= values.pop("network") | values.pop("training")
     before = values.pop("pretraining") or {}
-    values |= {f"pretraining_{name}": value for name, value in before.items()}
-    return values
-
-
-def _differing(own: dict[str, Any], other: dict[str, Any]) -> list[str]:
-    return [
-        f"{name} {value} (there {other[name]})"
-        for name, value in own.items()
-        if name in other and value != other[name]
-    ]
+    return values | {f"pretraining_{name}": value for name, value in before.items()}

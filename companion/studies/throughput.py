@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,14 +36,6 @@ TRAINED = tuple(
     for name in (*FIGURE3, *BASELINES)
     if name != "expert_only" and METHODS[name].fit == "gradients"
 )
-
-
-class Pace(NamedTuple):
-    """Seconds per 1,000 samples in the rounds of a measurement."""
-
-    median: float
-    lowest: float
-    highest: float
 
 
 def time_training(trial: Trial, data: str | Path) -> float:
@@ -101,13 +93,10 @@ def _stored(results: Path | str, preset: str) -> dict[str, Any]:
     return values if values.get("preset") == preset else {}
 
 
-def read(results: Path | str, preset: str) -> dict[str, Pace]:
-    """The stored paces of a preset by method; empty if none are stored."""
+def read(results: Path | str, preset: str) -> dict[str, float]:
+    """Seconds per 1,000 samples of a preset's methods, the median of the rounds."""
     times = _stored(results, preset).get("seconds", {})
-    return {
-        name: Pace(float(np.median(rounds)), min(rounds), max(rounds))
-        for name, rounds in times.items()
-    }
+    return {name: float(np.median(rounds)) for name, rounds in times.items()}
 
 
 def pace_note(results: Path | str, preset: str, command: str) -> str:
@@ -123,21 +112,12 @@ def pace_note(results: Path | str, preset: str, command: str) -> str:
     )
 
 
-def page_table(paces: Mapping[str, Pace]) -> pd.DataFrame:
-    """The paces of methods as texts, made by `read`."""
-    rows = [
-        (METHODS[name].label, *(f"{value:.2f}" for value in pace))
-        for name, pace in paces.items()
-    ]
-    return pd.DataFrame(rows, columns=["method", "median", "lowest", "highest"])
-
-
-def seconds(frame: pd.DataFrame, paces: Mapping[str, Pace]) -> pd.Series:
-    """Seconds for the samples of trials and their pretrainings at the median paces.
+def seconds(frame: pd.DataFrame, paces: Mapping[str, float]) -> pd.Series:
+    """Seconds for the samples of trials and their pretrainings at the paces of `read`.
 
     NaN where a method has no pace.
     """
-    pace = {method: rounds.median / 1000 for method, rounds in paces.items()}
+    pace = {method: thousand / 1000 for method, thousand in paces.items()}
     training = frame.samples * frame.method.map(pace).astype(float)
     pretraining = frame.pretraining_samples * pace.get(PRETRAINING, float("nan"))
     spent = training.where(frame.samples > 0, 0.0)

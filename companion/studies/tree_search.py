@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import zlib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -48,22 +48,16 @@ RATES, SAMPLES = (0.02, 0.3), (5, 100)  # ends of the ranges, log-uniform
 BEFORE = Growth(ROUNDS, 0.05, 15, 20), Growth(ROUNDS, 0.1, 31, 20)
 
 
-class Draw(NamedTuple):
-    """Settings of a method in the search."""
+def draw(method: str, number: int) -> list[Growth]:
+    """A method's draw of that number: settings of its forests.
 
-    method: str
-    number: int
-    novice: Growth
-    expert: Growth | None  # of the trees that are corrected
-
-
-def draw(method: str, number: int) -> Draw:
-    """A method's draw of that number."""
-    novice, expert = BEFORE
+    They are the novice's and, of trees that are corrected, the expert's.
+    """
+    growths = list(BEFORE)
     if number:
         rng = np.random.default_rng([zlib.crc32(method.encode()), number])
-        novice, expert = _growth(rng), _growth(rng)
-    return Draw(method, number, novice, expert if method == "trees_corrected" else None)
+        growths = [_growth(rng), _growth(rng)]
+    return growths if method == "trees_corrected" else growths[:1]
 
 
 def _growth(rng: np.random.Generator) -> Growth:
@@ -74,30 +68,24 @@ def _growth(rng: np.random.Generator) -> Growth:
     return Growth(ROUNDS, float(f"{rate:.2g}"), leaves, round(samples))
 
 
-def draws() -> list[Draw]:
-    """All draws of both methods."""
-    return [
-        draw(name, number) for name, count in DRAWS.items() for number in range(count)
-    ]
-
-
 def _trial(study: Study, seed: int) -> Trial:
     """Names the split and the motion."""
     changed = on_tuning_motion(study).changed(expert_minutes=EXPERT_MINUTES)
     return changed.trial(SYSTEM, "least_squares", MINUTES, seed)
 
 
-def losses(chosen: Draw, splits: dict[int, Datasets]) -> list[float]:
+def losses(method: str, number: int, splits: dict[int, Datasets]) -> list[float]:
     """The test loss of a draw's trees on each split, by its seed.
 
     The expert's trees are grown once, on the split of the draw's number.
     """
     base = Forest.constant(torch.zeros(len(ROVER.targets)))
-    if chosen.expert is not None:
-        expert = pretraining_datasets(next(iter(splits.values())), chosen.number)
-        base = boosting.grow(expert, ROVER, base, chosen.expert, chosen.number).forest
+    novice, *expert = draw(method, number)
+    if expert:
+        motion = pretraining_datasets(next(iter(splits.values())), number)
+        base = boosting.grow(motion, ROVER, base, expert[0], number).forest
     return [
-        float(boosting.grow(split, ROVER, base, chosen.novice, seed).test_errors.sum())
+        float(boosting.grow(split, ROVER, base, novice, seed).test_errors.sum())
         for seed, split in splits.items()
     ]
 
@@ -122,17 +110,21 @@ def make(study: Study, workers: int) -> None:
     made = {"numerics": versions("fitting")}
     known = read_or_empty(kept)
     found = known["losses"] if known.get("numerics") == made["numerics"] else {}
-    missing = [chosen for chosen in draws() if _name(chosen) not in found]
+    draws = [(name, n) for name, count in DRAWS.items() for n in range(count)]
+    missing = [key for key in draws if "{} {}".format(*key) not in found]
     with local_pool(workers) as pool:
-        futures = {pool.submit(losses, chosen, splits): chosen for chosen in missing}
+        futures = {pool.submit(losses, *key, splits): key for key in missing}
         for done in as_completed(futures):
             of_draw = [round(loss, 6) for loss in done.result()]
-            found[_name(futures[done])] = of_draw
+            found["{} {}".format(*futures[done])] = of_draw
             write_record(kept, {"losses": found, **made})
-    rows: dict[str, list[Any]] = {name: [] for name in DRAWS}
-    for chosen in draws():
-        growths = [list(g) for g in (chosen.novice, chosen.expert) if g is not None]
-        rows[chosen.method].append([growths, found[_name(chosen)]])
+    rows: dict[str, list[Any]] = {
+        name: [
+            [[list(growth) for growth in draw(name, n)], found[f"{name} {n}"]]
+            for n in range(count)
+        ]
+        for name, count in DRAWS.items()
+    }
     least = [round(loss, 6) for loss in references(splits)]
     write_record(study.results / NAME, {**rows, "least_squares": least, **made})
     kept.unlink(missing_ok=True)
@@ -145,32 +137,24 @@ def _load(library: Library, trial: Trial) -> Datasets:
     return datasets._replace(expert=datasets.expert.first(EXPERT_DRIVES))
 
 
-def _name(chosen: Draw) -> str:
-    return f"{chosen.method} {chosen.number}"
-
-
 def read(results: Path | str) -> pd.DataFrame:
     """The stored draws, from the best of each method to the worst.
 
-    They have `method`, `number`, `novice` and `expert` (each a Growth or None), and
-    `score`, the geometric mean over the splits of the loss by that of least squares.
+    They have `method`, `number`, `growths` as `draw` has them, and `score`, the
+    geometric mean over the splits of the loss by that of least squares.
     """
     stored = read_or_empty(Path(results) / NAME)
     rows = []
     for method in DRAWS:
         for number, (growths, found) in enumerate(stored.get(method, ())):
-            settings = [Growth(*growth) for growth in growths]
             ratios = np.log(found) - np.log(stored["least_squares"])
-            expert = settings[1] if len(settings) > 1 else None
-            score = float(np.exp(ratios.mean()))
-            rows.append((method, number, settings[0], expert, score))
-    table = pd.DataFrame(
-        rows, columns=["method", "number", "novice", "expert", "score"]
-    )
+            settings = [Growth(*growth) for growth in growths]
+            rows.append((method, number, settings, float(np.exp(ratios.mean()))))
+    table = pd.DataFrame(rows, columns=["method", "number", "growths", "score"])
     return table.sort_values(["method", "score"]).reset_index(drop=True)
 
 
-def best(results: Path | str) -> dict[str, Draw]:
-    """Each method's draw with the lowest score."""
+def best(results: Path | str) -> dict[str, int]:
+    """The number of each method's draw with the lowest score."""
     first = read(results).groupby("method").head(1)
-    return {row.method: draw(row.method, row.number) for row in first.itertuples()}
+    return dict(zip(first.method, first.number, strict=True))

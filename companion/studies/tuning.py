@@ -42,9 +42,10 @@ def rate_and_batch(batch: int, learning_rate: float) -> Changes:
     )
 
 
-def _after_pretraining(method: str, **values: Any) -> Changes:
-    """Settings for the training of a method, but not for its pretraining."""
-    return {"tuned": tuple((method, name, value) for name, value in values.items())}
+def _fine_tuned(**values: Any) -> Changes:
+    """Settings for fine-tuning, but not for its pretraining."""
+    tuned = (("pretrain_finetune", name, value) for name, value in values.items())
+    return {"tuned": tuple(tuned)}
 
 
 _ALL: dict[str, Changes] = {
@@ -70,12 +71,8 @@ TRIES: dict[str, dict[str, Changes]] = {
     },
     "pretrain_finetune": _ALL
     | {
-        "rate 0.0003 of the fine-tuning alone": _after_pretraining(
-            "pretrain_finetune", learning_rate=3e-4
-        ),
-        "rate 0.0001 of the fine-tuning alone": _after_pretraining(
-            "pretrain_finetune", learning_rate=1e-4
-        ),
+        "rate 0.0003 of the fine-tuning alone": _fine_tuned(learning_rate=3e-4),
+        "rate 0.0001 of the fine-tuning alone": _fine_tuned(learning_rate=1e-4),
     },
 }
 
@@ -102,23 +99,17 @@ LITTLE_TRIES: dict[str, dict[str, Changes]] = {
     },
     "pretrain_finetune": {
         "the base": {},
-        "fine-tuning at 0.0003": _after_pretraining(
-            "pretrain_finetune", learning_rate=3e-4
-        ),
-        "fine-tuning at 0.0001": _after_pretraining(
-            "pretrain_finetune", learning_rate=1e-4
-        ),
-        "fine-tuning at 0.00003": _after_pretraining(
-            "pretrain_finetune", learning_rate=3e-5
-        ),
-        "fine-tuning at 0.0001, weight decay 0.1": _after_pretraining(
-            "pretrain_finetune", learning_rate=1e-4, weight_decay=0.1
+        "fine-tuning at 0.0003": _fine_tuned(learning_rate=3e-4),
+        "fine-tuning at 0.0001": _fine_tuned(learning_rate=1e-4),
+        "fine-tuning at 0.00003": _fine_tuned(learning_rate=3e-5),
+        "fine-tuning at 0.0001, weight decay 0.1": _fine_tuned(
+            learning_rate=1e-4, weight_decay=0.1
         ),
         "pretraining at 0.0003, fine-tuning at 0.0001": {
             "tuned": (
                 ("pretraining", "learning_rate", 3e-4),
                 ("pretrain_finetune", "learning_rate", 1e-4),
-            ),
+            )
         },
     },
 }
@@ -262,16 +253,27 @@ def settings(preset: Preset) -> pd.DataFrame:
     """The settings that each method of TRIES was tuned to: one column per method.
 
     A pretraining's value stands before the fine-tuning's where they differ; p_e has a
-    value for each system.
+    value for each system; '-' is a setting that a method does not use.
     """
-    columns = {
-        method: [
-            _p_expert_text(preset, method),
-            *(_setting_text(preset, method, name) for name in TUNED),
-        ]
-        for method in TRIES
-    }
-    return pd.DataFrame(columns, index=pd.Index(["p_expert", *TUNED], name="setting"))
+    columns = {}
+    for name in TRIES:
+        method = METHODS[name]
+        training = preset.training_of(method, "system1")
+        parts = [preset.pretraining_of(method), training]
+        shares = {
+            system_label(system): preset.training_of(method, system).p_expert
+            for system in PAPER_SYSTEMS
+        }
+        rows = {"p_expert": ", ".join(f"{p:g} ({pair})" for pair, p in shares.items())}
+        for setting in TUNED:
+            values = [getattr(part, setting) for part in parts if part is not None]
+            rows[setting] = ", then ".join(dict.fromkeys(f"{v:,g}" for v in values))
+        if not method.expert:
+            rows |= dict.fromkeys(["p_expert", "prediction_iterations"], "-")
+        if not training.regularise:
+            rows |= dict.fromkeys(TUNED[-2:], "-")
+        columns[name] = rows
+    return pd.DataFrame(columns).rename_axis("setting")
 
 
 def settings_table(preset: Preset) -> pd.DataFrame:
@@ -284,31 +286,3 @@ def settings_table(preset: Preset) -> pd.DataFrame:
     table = settings(preset).rename(columns=lambda name: METHODS[name].label)
     table = table.rename(index=lambda name: names.get(name, name.replace("_", " ")))
     return table.reset_index()
-
-
-def _setting_text(preset: Preset, method: str, name: str) -> str:
-    """A setting of a method's trainings; '-' where the method does not use it."""
-    training = preset.training_of(METHODS[method], "system1")
-    pretraining = preset.pretraining_of(METHODS[method])
-    regularisation = ("discriminator_iterations", "matching_iterations")
-    if name in regularisation and not training.regularise:
-        return "-"
-    if name == "prediction_iterations" and not METHODS[method].expert:
-        return "-"
-    values = [
-        getattr(config, name)
-        for config in (pretraining, training)
-        if config is not None
-    ]
-    return ", then ".join(dict.fromkeys(f"{value:,g}" for value in values))
-
-
-def _p_expert_text(preset: Preset, method: str) -> str:
-    """The p_e of a method for each system; '-' where it does not use the expert."""
-    if not METHODS[method].expert:
-        return "-"
-    values = {
-        system_label(system): preset.training_of(METHODS[method], system).p_expert
-        for system in PAPER_SYSTEMS
-    }
-    return ", ".join(f"{value:g} ({name})" for name, value in values.items())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 
 from companion.methods import MIRRORED, VARIANTS
@@ -118,23 +119,14 @@ def by_method(table: pd.DataFrame, points: int) -> pd.DataFrame:
     with each other method. One row per method: '8 of 8' for each of AGAINST, counted by
     the whole interval, and under `half` 'yes', 'no', or 'not all run'.
     """
-    counts = (
-        table.assign(better=table.high < 1)
-        .groupby(["method", "against"], sort=False)
-        .better.agg(["sum", "size"])
+    groups = table.assign(better=table.high < 1).groupby(
+        ["method", "against"], sort=False
     )
+    counts = groups.better.agg(["sum", "size"])
     texts = counts["sum"].astype(str) + " of " + counts["size"].astype(str)
     rows = texts.unstack().reindex(columns=list(AGAINST))
-    better, compared = (
-        counts[name].unstack(fill_value=0).reindex(columns=list(AGAINST), fill_value=0)
-        for name in ("sum", "size")
-    )
-    always, complete = (
-        (better == compared).all(axis=1),
-        (compared == points).all(axis=1),
-    )
-    rows["half"] = [
-        ("yes" if run else "not all run") if won else "no"
-        for won, run in zip(always, complete, strict=True)
-    ]
+    won = (counts["sum"] == counts["size"]).groupby("method").all()
+    whole = (counts["size"] == points).groupby("method").sum() == len(AGAINST)
+    won, whole = won.reindex(rows.index), whole.reindex(rows.index)
+    rows["half"] = np.select([~won, whole], ["no", "yes"], "not all run")
     return rows.reset_index()

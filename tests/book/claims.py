@@ -13,7 +13,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from companion import Results, Study, grid
-from companion.methods import COMPARED, FIGURE3, METHODS, ONE_OPTIMISER, ONE_SYSTEM
+from companion.methods import COMPARED, FIGURE3, ONE_OPTIMISER, ONE_SYSTEM
 from companion.statistics import claims
 from companion.statistics.pairs import paired_comparison
 from companion.statistics.stopping_rules import RULES, apply_rule
@@ -115,13 +115,8 @@ class Book:
 
     def beside_usual(self, name: str, system: str, value: float) -> pd.DataFrame:
         """The SIDM's loss at a value of an ablation, by that of Figure 3's setting."""
-        study, preset = self.laptop, self.laptop.preset
-        if name == "p_expert":
-            usual = preset.p_expert(system)
-            trials = ablations.p_expert(study, system, [value, usual])
-        else:
-            usual = getattr(preset.training_of(METHODS["sidm"], system), name)
-            trials = ablations.iterations(study, system, name, [value, usual])
+        usual = ablations.usual(self.laptop.preset, system, name)
+        trials = ablations.ablation(self.laptop, system, name, [value, usual])
         frame = self.store.frame(trials)
         reference = with_repeats(frame[frame[name] == usual], self.store.folder)
         return paired_comparison(frame[frame[name] == value], reference)

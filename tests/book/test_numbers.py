@@ -210,7 +210,8 @@ def test_figure_3s_value_is_among_an_ablations_trials(study, name, values, usual
 
 
 def test_values_of_the_grids_are_run_by_their_figures(study):
-    values = {"p_expert": ablations.P_EXPERT, **ablations.ITERATIONS}
+    names = ("p_expert", *ablations.ITERATIONS)
+    values = {name: ablations.VALUES[name] for name in names}
     systems = ["system1", "system2"]
     all_of_grids = Ablations(study, systems, values)
     assert all_of_grids.commands(FakePage()) == ["run p-expert", "run iterations"]

@@ -6,6 +6,7 @@ the cap of E1, or of what the released rule keeps until then.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,9 +17,11 @@ from matplotlib.figure import Figure
 
 from companion.engine.store import Results
 from companion.figures.style import legend_below, system_label
-from companion.statistics.intervals import holm, mean_ratio, p_value
+from companion.statistics.intervals import holm, p_values
+from companion.statistics.pairs import pooled_comparison
 from companion.statistics.stopping_rules import RULES, apply_rule
-from companion.studies.decisive.arms import AT_FIVE, FEW_SEEDS, R_CAPS, arm, restricted
+from companion.studies.ablations import values_of
+from companion.studies.decisive.arms import FEW_SEEDS, R_CAPS, arm, restricted
 from companion.studies.decisive.further import ABLATED, ABLATION_CAPS, OF_R, ablations
 from companion.studies.decisive.verdicts import END, RELEASED
 from companion.study import Study
@@ -31,19 +34,6 @@ LABELS = {
     "prediction_iterations": "prediction",
 }
 TICKS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0)  # of ratios
-COLUMNS = (
-    "system",
-    "setting",
-    "value",
-    "rule",
-    "seeds",
-    "loss",
-    "ratio",
-    "low",
-    "high",
-    "corrected",
-    "differs",
-)
 
 
 def results(study: Study, store: Results) -> pd.DataFrame:
@@ -51,27 +41,20 @@ def results(study: Study, store: Results) -> pd.DataFrame:
 
     They have columns `setting` and `value` for what was changed; '' and NaN for R's.
     """
-    caps = restricted(R_CAPS, {"sidm": AT_FIVE["sidm"]})
+    caps = restricted(R_CAPS, sidm=(5.0,))
     own = [
         trial
         for system in ABLATION_CAPS
         for trial in arm(study, "R", system, caps, FEW_SEEDS)
     ]
     frame = store.frame([*own, *ablations(study)], curves=True)
-    changed = [_changed(row) for row in frame.itertuples()]
-    names, values = zip(*changed, strict=True) if changed else ((), ())
-    return frame.assign(setting=list(names), value=np.array(values, float))
-
-
-def _changed(row: Any) -> tuple[str, float]:
-    """The setting of a training that is not R's, and its value."""
+    frame = frame.assign(setting="", value=np.nan)
     for name in ABLATED:
-        value = getattr(row, name)
-        if name == "matching_iterations" and not row.regularise:
-            value = 0
-        if value != OF_R[name][row.system]:
-            return name, value
-    return "", np.nan
+        value = values_of(frame, name).astype(float)
+        changed = value.ne(frame.system.map(OF_R[name])) & frame.setting.eq("")
+        frame.loc[changed, "setting"] = name
+        frame.loc[changed, "value"] = value[changed]
+    return frame
 
 
 def losses(frame: pd.DataFrame) -> pd.DataFrame:
@@ -81,13 +64,11 @@ def losses(frame: pd.DataFrame) -> pd.DataFrame:
     judged on all validation motion where the weights are those that were kept.
     """
     parts = []
-    for (system, name), rule in (
-        ((system, name), RULES[name])
-        for system in ABLATION_CAPS
-        for name in (END, RELEASED)
+    for (system, cap), name in itertools.product(
+        ABLATION_CAPS.items(), (END, RELEASED)
     ):
-        capped = rule._replace(max_samples=ABLATION_CAPS[system])
-        kept = apply_rule(frame[frame.system == system], capped)
+        rule = RULES[name]
+        kept = apply_rule(frame[frame.system == system], rule._replace(max_samples=cap))
         to_the_end = apply_rule(kept, rule).kept_samples
         whole = (name == END) & (kept.kept_samples == to_the_end)
         loss = kept.validation_loss.where(whole, kept.kept_validation)
@@ -99,40 +80,28 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     """Losses with a setting of R changed over R's, paired by seed.
 
     A row per `system`, `setting`, `value` and `rule` that shares a seed with R: how
-    many `seeds` pair it, the mean `loss`, the `ratio` with its ends `low` and `high`,
-    the p-value `corrected` by Holm over the system's settings, and whether it `differs`
-    by the rule. With fewer than FEWEST_SEEDS there is no interval; without all settings
-    no p-value.
+    many `seeds` pair it, the `ratio` with its ends `low` and `high`, the p-value
+    `corrected` by Holm over the system's settings, and whether it `differs` by the
+    rule. With fewer than FEWEST_SEEDS there is no interval; without all settings no
+    p-value.
     """
-    rows = []
-    every = losses(frame)
-    for (system, rule), group in every.groupby(["system", "rule"], sort=False):
-        reference = group[group.setting == ""].set_index("seed").loss
-        made, tests = [], []
-        for (setting, value), arms in group[group.setting != ""].groupby(
-            ["setting", "value"]
-        ):
-            own = arms.set_index("seed").loss
-            seeds = own.index.intersection(reference.index)
-            if not len(seeds):
-                continue
-            pairs = own[seeds].to_numpy(), reference[seeds].to_numpy()
-            ratio = mean_ratio(*pairs)
-            tests.append(p_value(ratio, len(seeds)))
-            made.append(
-                (system, setting, value, rule, len(seeds), own[seeds].mean(), *ratio)
-            )
-        planned = sum(
-            value != OF_R[setting][system]
+    every, by, parts = losses(frame), ["rule", "setting", "value"], []
+    for (system, _), group in every.groupby(["system", "rule"], sort=False):
+        own = group.setting == ""
+        ratios = pooled_comparison(group[~own], group[own], by, "loss").sort_values(by)
+        p = p_values(ratios[["ratio", "low", "high"]], ratios.seeds)
+        planned = [
+            value
             for setting, values in ABLATED.items()
             for value in values
-        )
-        judged = len(tests) == planned and bool(np.isfinite(tests).all())
-        corrected = holm(np.array(tests)) if judged else np.full(len(tests), np.nan)
-        rows += [
-            (*row, p, bool(p < 0.05)) for row, p in zip(made, corrected, strict=True)
+            if value != OF_R[setting][system]
         ]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+        judged = len(p) == len(planned) and np.isfinite(p).all()
+        parts.append(ratios.assign(corrected=holm(p) if judged else np.nan))
+    if not parts:
+        parts = [pooled_comparison(every, every, by, "loss").assign(corrected=np.nan)]
+    table = pd.concat(parts, ignore_index=True)
+    return table.assign(differs=table.corrected < 0.05)
 
 
 @styled
@@ -151,16 +120,13 @@ def figure(
             `low`, `high`. Its own values have the ratio 1 and no interval.
         systems: plots of the figure.
     """
-    own = pd.DataFrame(
-        [
-            (s, name, of[s], 1.0)
-            for s in systems
-            for name, of in OF_R.items()
-            if s in of
-        ],
-        columns=["system", "setting", "value", "ratio"],
-    )
-    released = pd.concat([ratios, own if len(ratios) else own[:0]])
+    own = [
+        {"system": system, "setting": name, "value": value, "ratio": 1.0}
+        for name, of in OF_R.items()
+        for system, value in of.items()
+        if len(ratios)
+    ]
+    released = pd.concat([ratios, pd.DataFrame(own)])
     figure, panels = side_by_side(len(systems), min(len(systems), 2))
     for axes, system in zip(panels, systems, strict=True):
         drawn = released[released.system == system], quick[quick.system == system]

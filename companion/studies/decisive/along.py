@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from companion.figures.style import system_label
+from companion.figures.style import legend_below, system_label
 from companion.statistics.efficiency import DataRatio, data_ratio
 from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
 from companion.studies.decisive.verdicts import (
@@ -17,10 +20,13 @@ from companion.studies.decisive.verdicts import (
     RELEASED,
     loss_ratio,
     losses_by,
+    losses_of,
+    paired,
     ratio_of_data,
-    wide,
 )
 from sidm.learning.stopping import kept_after
+from sidm.plots import finish, side_by_side, styled
+from sidm.systems import PAPER_SYSTEMS
 
 SIZES = (1.0, 5.0, 20.0)  # min at which losses are compared along the training
 #: Samples after which all trainings are stopped: 24 values a decade, rounded to two
@@ -34,21 +40,13 @@ LENGTHS = (
     *(100_000 * digits for digits in DECADE if digits < 80),
     8_000_000,
 )
-MARKED = ("patience", RELEASED, END)  # rules that have a point on the curves
-#: Columns of the table of `along_training`.
-COLUMNS = (
-    "recipe",
-    "system",
-    "quantity",
-    "minutes",
-    "rule",
-    "samples",
-    "seeds",
-    "value",
-    "low",
-    "high",
-    "bound",
-)
+#: Rules that have a point on the curves -> its marker.
+MARKED = {"patience": "^", RELEASED: "s", END: "o"}
+STYLES: dict[str, dict[str, Any]] = {
+    "R": {"color": "#1A1A1A", "linestyle": "-"},
+    "T": {"color": "#8C8C8C", "linestyle": "--"},
+}
+RECIPE_LABELS = {"R": "as released (R)", "T": "tuned (T)", "Q": "quick (Q)"}
 
 
 def lengths_of(frame: pd.DataFrame) -> list[int]:
@@ -90,7 +88,8 @@ def along_training(frame: pd.DataFrame) -> pd.DataFrame:
             for size in SIZES:
                 ratio = loss_ratio(losses, size)
                 rows.append((recipe, system, "loss", size, name, samples, *ratio, ""))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    columns = ["recipe", "system", "quantity", "minutes", "rule", "samples", "seeds"]
+    return pd.DataFrame(rows, columns=[*columns, "value", "low", "high", "bound"])
 
 
 def texts_by_rule(table: pd.DataFrame) -> pd.DataFrame:
@@ -139,12 +138,63 @@ def ratio_at_best(
     released rule ended it: a longer training may have a lower loss, and lower the
     ratio. Here every seed has the loss of the best seed at `sizes` of training alone.
     """
-    chosen = frame[(frame.recipe == "R") & (frame.system == system)]
-    losses = losses_by(chosen, RELEASED)
-    alone, sidm = wide(losses, "novice_only", ALONE_SIZES), wide(losses, "sidm", [AT])
-    seeds = alone.index.intersection(sidm.index)
-    curves = np.array(alone.loc[seeds])
-    if len(seeds):
+    losses = losses_of(frame, "R", system, RELEASED)
+    sidm, alone = paired(losses, "sidm", AT, ALONE_SIZES)
+    if len(sidm):
         at = np.isin(ALONE_SIZES, sizes)
-        curves[:, at] = np.array(alone)[:, at].min(0)
-    return data_ratio(ALONE_SIZES, curves, np.array(sidm.loc[seeds, AT]), AT)
+        alone = np.where(at, alone.min(0), alone)
+    return data_ratio(ALONE_SIZES, alone, sidm, AT)
+
+
+@styled
+def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figure:
+    """Data ratio and loss ratio at AT minutes against samples seen in training.
+
+    A row of panels per system, a curve per recipe; shades are 95 % intervals, and the
+    points are what stopping rules give.
+    """
+    figure, panels = side_by_side(2 * len(systems), 2)
+    ylabels = {
+        "data": "data without SIDM / with SIDM, same loss",
+        "loss": "loss with SIDM / without SIDM",
+    }
+    shown = [(system, quantity) for system in systems for quantity in ylabels]
+    for axes, (system, quantity) in zip(panels, shown, strict=True):
+        axes.set(
+            xscale="log",
+            yscale="log",
+            xlabel="samples seen by each (control steps)",
+            ylabel=ylabels[quantity],
+        )
+        axes.set_title(f"{system_label(system)}, {AT:g} min of novice data")
+        rows = table[(table.system == system) & (table.quantity == quantity)]
+        rows = rows[rows.minutes == AT]
+        for recipe, ratios in rows.groupby("recipe", sort=False):
+            _draw(axes, ratios, str(recipe))
+        axes.axhline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
+        finish(axes, legend=False)
+    legend_below(figure, panels)
+    return figure
+
+
+def _draw(axes: Axes, ratios: pd.DataFrame, recipe: str) -> None:
+    """Draw the curve of a recipe, its interval and the points of stopping rules."""
+    style = STYLES[recipe]
+    curve = ratios[ratios.rule == ""].sort_values("samples")
+    label = RECIPE_LABELS[recipe]
+    axes.plot(curve.samples, curve.value, **style, marker="", label=label)
+    high = curve.high.replace(np.inf, np.nan)
+    shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
+    axes.fill_between(curve.samples, curve.low, high, **shade)
+    for point in ratios[ratios.rule.isin(list(MARKED))].itertuples():
+        reach = np.abs([[point.value - point.low], [point.high - point.value]])
+        axes.errorbar(
+            [point.samples],
+            [point.value],
+            yerr=reach if np.isfinite(reach).all() else None,
+            color=style["color"],
+            linestyle="",
+            marker=MARKED[point.rule],
+            capsize=2,
+            label=f"{recipe}: {'' if point.rule == END else 'rule '}{point.rule}",
+        )

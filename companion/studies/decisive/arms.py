@@ -41,18 +41,15 @@ T_CAPS: Caps = {
 }
 RECIPES: dict[str, Caps] = {"R": R_CAPS, "T": T_CAPS}
 
-#: method -> min of novice data
-Sizes = Mapping[str, tuple[float, ...]]
-AT_FIVE: Sizes = {"sidm": (5.0,), "novice_only": (5.0,)}
-AT_FIVE_AND_TWENTY: Sizes = {"sidm": (5.0,), "novice_only": (5.0, 20.0)}
+
+def restricted(caps: Caps, **sizes: tuple[float, ...]) -> Caps:
+    """The entries of `caps` for some methods and their sizes, min."""
+    return {name: {size: caps[name][size] for size in of} for name, of in sizes.items()}
 
 
-def restricted(caps: Caps, sizes: Sizes) -> Caps:
-    """The entries of `caps` for the methods of `sizes` and their sizes, in minutes."""
-    return {
-        method: {size: caps[method][size] for size in method_sizes}
-        for method, method_sizes in sizes.items()
-    }
+def at_five(caps: Caps) -> Caps:
+    """The entries of `caps` for the paper's two methods with 5 minutes."""
+    return restricted(caps, sidm=(5.0,), novice_only=(5.0,))
 
 
 def settings(recipe: str, system: str, method: str) -> dict | None:
@@ -63,7 +60,7 @@ def settings(recipe: str, system: str, method: str) -> dict | None:
     if recipe == "R":
         return R
     chosen = search.CHOSEN.get(system.removesuffix(FREE_STRUTS), {}).get(method)
-    return None if chosen is None else search.draw(method, chosen).changes
+    return None if chosen is None else search.draw(method, chosen)
 
 
 def arm(

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
-
-import pandas as pd
 
 from companion.engine.store import Results
 from companion.statistics.tables import overview
 from companion.studies.decisive import further, search
 from companion.studies.decisive.arms import (
     ALL_SEEDS,
-    AT_FIVE,
-    AT_FIVE_AND_TWENTY,
     FEW_SEEDS,
     R_CAPS,
     RECIPES,
     SEEDS,
     arm,
+    at_five,
     restricted,
 )
 from companion.study import Study
@@ -38,13 +36,18 @@ class Step(NamedTuple):
     trials: Callable[[Study], list[Trial]]
 
 
+def whole_arm(recipe: str, system: str, study: Study) -> list[Trial]:
+    """Steps A and B: all methods and sizes of a recipe on a system."""
+    return arm(study, recipe, system, RECIPES[recipe], SEEDS)
+
+
 def other_motion(study: Study) -> list[Trial]:
     """Step C: free struts with both recipes, and another exploration policy with R."""
     trials = []
     for system, recipe in itertools.product(PAPER_SYSTEMS, RECIPES):
-        caps = restricted(RECIPES[recipe], AT_FIVE)
+        caps = at_five(RECIPES[recipe])
         trials += arm(study, recipe, system + FREE_STRUTS, caps, FEW_SEEDS)
-    caps = restricted(R_CAPS, AT_FIVE)
+    caps = at_five(R_CAPS)
     return trials + arm(study, "R", "system1", caps, FEW_SEEDS, policy="bounded_noise")
 
 
@@ -53,18 +56,9 @@ def more_seeds(study: Study) -> list[Trial]:
     seeds = [seed for seed in ALL_SEEDS if seed not in SEEDS]
     trials = []
     for recipe, system in itertools.product(RECIPES, PAPER_SYSTEMS):
-        caps = restricted(RECIPES[recipe], AT_FIVE_AND_TWENTY)
+        caps = restricted(RECIPES[recipe], sidm=(5.0,), novice_only=(5.0, 20.0))
         trials += arm(study, recipe, system, caps, seeds)
     return trials
-
-
-def _arm_step(name: str, recipe: str, number: int, trainings: int) -> Step:
-    """A step with all methods and sizes of a recipe on the system of that number."""
-
-    def trials(study: Study) -> list[Trial]:
-        return arm(study, recipe, f"system{number}", RECIPES[recipe], SEEDS)
-
-    return Step(name, f"{recipe}, system {number}", trainings, trials)
 
 
 STEPS = (
@@ -76,11 +70,11 @@ STEPS = (
         search.best_repeated,
     ),
     Step("0 units", "R with raw and standardised units", 8, search.compare_units),
-    _arm_step("A1", "R", 1, 40),
-    _arm_step("B1", "T", 1, 55),
-    _arm_step("A2", "R", 2, 40),
+    Step("A1", "R, system 1", 40, functools.partial(whole_arm, "R", "system1")),
+    Step("B1", "T, system 1", 55, functools.partial(whole_arm, "T", "system1")),
+    Step("A2", "R, system 2", 40, functools.partial(whole_arm, "R", "system2")),
     Step("0'", "search, system 2", 18, search.second_search),
-    _arm_step("B2", "T", 2, 55),
+    Step("B2", "T, system 2", 55, functools.partial(whole_arm, "T", "system2")),
     Step("C", "free struts, R and T; another policy, R", 30, other_motion),
     Step("D", "seeds 5 to 9 at 5 min, and training alone at 20", 60, more_seeds),
     Step("E1", "R with one setting changed: p_e, phases", 48, further.ablations),
@@ -93,12 +87,8 @@ STEPS = (
 
 def trials(study: Study, system: str) -> list[Trial]:
     """All trials of a system whose settings are known, step by step."""
-    return [
-        trial
-        for step in STEPS
-        for trial in step.trials(study)
-        if trial.system == system
-    ]
+    every = (trial for step in STEPS for trial in step.trials(study))
+    return [trial for trial in every if trial.system == system]
 
 
 def in_order(
@@ -122,58 +112,33 @@ def in_order(
     return sorted(kept, key=lambda trial: ranks[trial.key])
 
 
-def progress(study: Study, store: Results) -> pd.DataFrame:
-    """How far each step is: a row per step.
-
-    Least squares, which takes seconds, does not count. The hours of a training that was
-    interrupted are those of its last stretch. There are the `step` and `what` it is,
-    the numbers of trainings `planned`, `stored` and `failed`, their `core_hours`, and
-    `samples_a_second` of the trainings that were not interrupted and have no
-    pretraining.
-    """
-    rows = []
-    for step in STEPS:
-        trainings = [trial for trial in step.trials(study) if not trial.solved]
-        stored = store.frame(trainings)
-        whole = stored[
-            ~stored.resumed.astype(bool) & stored.pretraining_max_samples.isna()
-        ]
-        pace = float("nan")
-        if len(whole):
-            pace = whole.samples.sum() / max(whole.seconds.sum(), 1e-9)
-        rows.append(
-            {
-                "step": step.name,
-                "what": step.description,
-                "planned": step.trainings,
-                "stored": len(stored),
-                "failed": len(store.failures(trainings)),
-                "core_hours": stored.seconds.sum() / 3600,
-                "samples_a_second": pace,
-            }
-        )
-    return pd.DataFrame(rows)
-
-
 def overview_by_step(
     study: Study, store: Results, trials: Iterable[Trial]
 ) -> tuple[list[str], int]:
-    """Lines about trials, and how many planned trainings have no settings yet."""
+    """Lines about trials, and how many planned trainings have no settings yet.
+
+    Least squares, which takes seconds, does not count. The hours of a training that was
+    interrupted are those of its last stretch; samples a second are of the trainings
+    that were not interrupted and have no pretraining.
+    """
     lines, unknown, wanted = [], 0, {trial.key for trial in trials}
-    for step, row in zip(STEPS, progress(study, store).itertuples(), strict=True):
+    for step in STEPS:
+        known = step.trials(study)
+        trainings = [trial for trial in known if not trial.solved]
+        stored = store.frame(trainings)
         title = (
             f"step {step.name}: {step.description}: "
-            f"{row.stored} of {step.trainings} trainings stored"
+            f"{len(stored)} of {step.trainings} trainings stored"
         )
-        if row.stored:
-            title += (
-                f", {row.core_hours:.1f} core-hours, "
-                f"{row.samples_a_second:.0f} samples a second"
-            )
-        known = step.trials(study)
+        if len(stored):
+            whole = ~stored.resumed.astype(bool) & stored.pretraining_max_samples.isna()
+            samples, seconds = stored[whole][["samples", "seconds"]].sum()
+            pace = samples / max(seconds, 1e-9) if whole.any() else float("nan")
+            hours = stored.seconds.sum() / 3600
+            title += f", {hours:.1f} core-hours, {pace:.0f} samples a second"
         shown = [trial for trial in known if trial.key in wanted]
         lines += [title, *(f"  {line}" for line in overview(store, shown, study))]
-        lacking = step.trainings - sum(not trial.solved for trial in known)
+        lacking = step.trainings - len(trainings)
         if lacking:
             lines.append(
                 f"  {lacking} trainings with settings "

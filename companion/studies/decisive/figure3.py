@@ -7,7 +7,7 @@ are named.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -25,20 +25,18 @@ from companion.studies.decisive.arms import FINETUNING
 from companion.studies.decisive.verdicts import AT, PAPER, RELEASED, losses_by
 from sidm.plots import finish, side_by_side, styled
 
-
-class Said(NamedTuple):
-    """What the paper says of a system (section 5 and Figure 3)."""
-
-    sizes: tuple[float, ...]  # of Figure 3, min of novice data
-    meet: float  # min from which performance is "comparable"
-
-
-SAID = {
-    "system1": Said((1.0, 2.0, 5.0, 20.0, 60.0, 120.0, 300.0, 600.0), 120.0),
-    "system2": Said((1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0), 300.0),
+#: min of novice data in the paper's Figure 3
+SIZES = {
+    "system1": (1.0, 2.0, 5.0, 20.0, 60.0, 120.0, 300.0, 600.0),
+    "system2": (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0),
 }
+MEET = {"system1": 120.0, "system2": 300.0}  # min from which curves are "comparable"
 #: methods that stand beside the paper's two, as thin lines
 BESIDE = ("least_squares", FINETUNING)
+SMALL: dict[str, Any] = {
+    "fontsize": "small",
+    "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1},
+}
 MARK: dict[str, Any] = {"color": "0.45", "linestyle": ":", "marker": "", "lw": 1.2}
 
 
@@ -48,12 +46,8 @@ def table(
     """Losses of Figure 3: a row per training with its `recipe` and its `loss`.
 
     The paper's two methods have recipe R. Of the methods BESIDE the release says
-    nothing: they have recipe T, or Q where T has not been run.
-
-    Args:
-        frame: rows of `verdicts.results`.
-        rule: the stopping rule of recipes R and T, a key of RULES.
-        quick: results of recipe Q.
+    nothing: they have recipe T, or Q, from the results `quick`, where T has not been
+    run. `frame` has rows of `verdicts.results`, `rule` is a key of RULES.
     """
     recipe = frame.recipe.eq("R") & frame.method.isin(COMPARED)
     tuned = frame.recipe.eq("T") & frame.method.isin(BESIDE)
@@ -69,7 +63,7 @@ def table(
 
 
 @styled
-def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure:
+def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SIZES)) -> Figure:
     """Figure 3 under recipe R, of the rows of `table`: a panel per system.
 
     Lines are means over seeds, shades reach from the least to the greatest. The arrow
@@ -85,11 +79,11 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure
             group = shown[shown.method == method]
             if len(group):
                 _draw(axes, method, group)
-        ours = sorted(set(shown[shown.method.isin(COMPARED)].novice_minutes))
-        sizes = SAID[system].sizes if system in SAID else tuple(ours)
+        ours = tuple(sorted(set(shown[shown.method.isin(COMPARED)].novice_minutes)))
+        sizes = SIZES.get(system, ours)
         if sizes:
             axes.set_xlim(0.8 * min(sizes), 1.25 * max(sizes))
-        if system in SAID:
+        if system in MEET:
             _mark(axes, system, shown)
         finish(axes, sizes, legend=False)
         lacking = [f"{size:g}" for size in sizes if size not in ours]
@@ -100,9 +94,8 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SAID)) -> Figure
                 xycoords="axes fraction",
                 ha="right",
                 va="top",
-                fontsize="small",
                 color="0.35",
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1},
+                **SMALL,
             )
     legend_below(figure, panels)
     return figure
@@ -121,18 +114,13 @@ def _draw(axes: Axes, method: str, group: pd.DataFrame) -> None:
 
 
 def _mark(axes: Axes, system: str, shown: pd.DataFrame) -> None:
-    axes.axvline(SAID[system].meet, label="the paper's curves meet", **MARK)
+    axes.axvline(MEET[system], label="the paper's curves meet", **MARK)
     start = shown[(shown.method == "sidm") & (shown.novice_minutes == AT)].loss.mean()
     if pd.notna(start):
         times = PAPER[system]
         arrow = {"arrowstyle": "->", "color": "0.25", "lw": 1.2}
         axes.annotate("", (times * AT, start), (AT, start), arrowprops=arrow)
-        axes.annotate(
-            f"paper: {times:g} times",
-            (times * AT, start),
-            (5, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize="small",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8},
-        )
+        text, beside = f"paper: {times:g} times", {"textcoords": "offset points"}
+        bbox = SMALL["bbox"] | {"alpha": 0.8}
+        look = SMALL | beside | {"bbox": bbox, "va": "center"}
+        axes.annotate(text, (times * AT, start), (5, 0), **look)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,38 +33,25 @@ def median_drive(rows: pd.DataFrame) -> int:
 
     The mean over the trainings, of one system, counts.
     """
-    last = [
-        np.linalg.norm(np.subtract(predicted, actual)[:, -1, :2], axis=1)
-        for predicted, actual in zip(
-            map(np.array, rows.rollouts_predicted),
-            map(np.array, rows.rollouts_actual),
-            strict=True,
-        )
-    ]
+    pairs = zip(rows.rollouts_predicted, rows.rollouts_actual, strict=True)
+    apart = [np.subtract(np.array(path), np.array(actual)) for path, actual in pairs]
+    last = [np.linalg.norm(path[:, -1, :2], axis=1) for path in apart]
     means = np.mean(last, axis=0)
     return int(np.argsort(means)[len(means) // 2])
 
 
 @styled
-def figure(
-    rows: pd.DataFrame,
-    drive: int | None = None,
-    seed: int = 0,
-    systems: Sequence[str] = PAPER_SYSTEMS,
-) -> Figure:
+def figure(rows: pd.DataFrame, drive: int | None = None, seed: int = 0) -> Figure:
     """Figure 4 under recipe R, of the rows of `table`: a row per system.
 
     One plot has the distance of the predicted from the actual position over time, the
-    mean over seeds with its standard error; the other a drive from above.
-
-    Args:
-        rows: rows of `table`.
-        drive: number of a stored drive, 0 to 2; None: that of `median_drive`.
-        seed: of the models that predict the drive.
-        systems: rows of the figure.
+    mean over seeds with its standard error; the other a stored drive from above: number
+    `drive`, 0 to 2, by default that of `median_drive`, as the models of a seed predict
+    it.
     """
-    figure, panels = side_by_side(2 * len(systems), 2)
-    for left, right, system in zip(panels[::2], panels[1::2], systems, strict=True):
+    figure, panels = side_by_side(2 * len(PAPER_SYSTEMS), 2)
+    plots = zip(panels[::2], panels[1::2], PAPER_SYSTEMS, strict=True)
+    for left, right, system in plots:
         shown = rows[rows.system == system]
         left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
         left.set_title(f"{system_label(system)}: all test drives")

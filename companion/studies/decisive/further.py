@@ -12,11 +12,9 @@ from typing import Any
 from companion.studies.decisive import search
 from companion.studies.decisive.arms import (
     FEW_SEEDS,
-    FINETUNING,
     MILLION,
     SEEDS,
     T_CAPS,
-    Caps,
     arm,
     restricted,
 )
@@ -47,26 +45,20 @@ OF_R: dict[str, dict[str, float]] = {
 #: draws of step 0 whose decay is near the rival's, still improving when they were cut
 DECAY_DRAWS = (8, 17)
 DECAY_CAP = 16 * MILLION  # 6 to 7 of them the novice's, as many as the rival sees
-#: Methods and sizes of E4, with the samples of each training.
-RULE_CAPS: Caps = {
-    "novice_only": {20.0: 8 * MILLION, 60.0: 16 * MILLION, 120.0: 16 * MILLION},
-    "sidm": {60.0: 20 * MILLION, 120.0: 20 * MILLION},
-}
-RELEASED_PIXELS = 64
-#: Methods and sizes of E5, with the samples of each training.
-MAP_CAPS: Caps = {
-    "sidm": {5.0: 8 * MILLION},
-    "novice_only": {5.0: 8 * MILLION, 20.0: 5 * MILLION},
-}
+
+
+def _at_five(
+    study: Study, system: str, seed: int, cap: int, changes: dict[str, Any]
+) -> Trial:
+    """The training of an SIDM with changed settings to so many samples."""
+    changed = on_fresh_motion(study).changed(**changes | without_early_stopping(cap))
+    return changed.trial(system, "sidm", MINUTES, seed)
 
 
 def ablated(study: Study, system: str, setting: str, value: float, seed: int) -> Trial:
     """The training of E1 with one setting of R changed."""
     name = f"p_expert_{system}" if setting == "p_expert" else setting
-    changes: dict[str, Any] = {name: value}
-    length = without_early_stopping(ABLATION_CAPS[system])
-    changed = on_fresh_motion(study).changed(**R | length | changes)
-    return changed.trial(system, "sidm", MINUTES, seed)
+    return _at_five(study, system, seed, ABLATION_CAPS[system], R | {name: value})
 
 
 def ablations(study: Study) -> list[Trial]:
@@ -83,28 +75,33 @@ def ablations(study: Study) -> list[Trial]:
 
 def rivals_decay(study: Study) -> list[Trial]:
     """Step E2: two draws of the search, trained five times as long."""
-    trials = []
-    for seed in FEW_SEEDS:
-        for number in DECAY_DRAWS:
-            changes = search.draw("sidm", number).changes
-            length = without_early_stopping(DECAY_CAP)
-            changed = on_fresh_motion(study).changed(**changes | length)
-            trials.append(changed.trial("system1", "sidm", MINUTES, seed))
-    return trials
+    return [
+        _at_five(study, "system1", seed, DECAY_CAP, search.draw("sidm", number))
+        for seed in FEW_SEEDS
+        for number in DECAY_DRAWS
+    ]
 
 
 def tuned_on_system2(study: Study) -> list[Trial]:
     """Step E3: the trainings of step B2 that decide at 5 minutes."""
-    sizes = {"sidm": (5.0,), "novice_only": (5.0, 1.0, 20.0), FINETUNING: (5.0,)}
-    return arm(study, "T", "system2", restricted(T_CAPS, sizes), SEEDS)
+    sizes = {"sidm": (5.0,), "novice_only": (5.0, 1.0, 20.0)}
+    caps = restricted(T_CAPS, **sizes, pretrain_finetune=(5.0,))
+    return arm(study, "T", "system2", caps, SEEDS)
 
 
 def to_its_rule(study: Study) -> list[Trial]:
     """Step E4."""
-    return arm(study, "R", "system1", RULE_CAPS, FEW_SEEDS)
+    caps = {
+        "novice_only": {20.0: 8 * MILLION, 60.0: 16 * MILLION, 120.0: 16 * MILLION},
+        "sidm": dict.fromkeys((60.0, 120.0), 20 * MILLION),
+    }
+    return arm(study, "R", "system1", caps, FEW_SEEDS)
 
 
 def released_maps(study: Study) -> list[Trial]:
-    """Step E5."""
-    study = study.changed(pixels=RELEASED_PIXELS)
-    return arm(study, "R", "system1", MAP_CAPS, FEW_SEEDS)
+    """Step E5: maps of 64 pixels."""
+    caps = {
+        "sidm": {5.0: 8 * MILLION},
+        "novice_only": {5.0: 8 * MILLION, 20.0: 5 * MILLION},
+    }
+    return arm(study.changed(pixels=64), "R", "system1", caps, FEW_SEEDS)

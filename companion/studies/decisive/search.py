@@ -8,8 +8,7 @@ recipe R. Each draw has its own seed, and so its own split, initial weights and 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,30 +32,19 @@ FIRST_SEED = MOST_SEEDS  # seed of draw 0; no figure has it
 #: seeds of the repeated best draws, and of the comparison of units
 REPEAT_SEEDS = (FIRST_SEED + 100, FIRST_SEED + 101)
 
-#: Numbers of each method's two best draws on system 1 by `scores`; a method is missing
-#: until its search has been run.
+#: Numbers of each method's two best draws on system 1 by their `scores`; a method is
+#: missing until its search has been run.
 BEST: dict[str, tuple[int, ...]] = {
     "novice_only": (0, 3),
     "sidm": (3, 10),
     "pretrain_finetune": (3, 9),
 }
 #: System -> method -> number of the draw chosen for recipe T, the better of the two
-#: by the mean of three `scores`; a system is missing until its search has been run.
+#: by the geometric mean of three `scores`; a system is missing until its search has
+#: been run.
 CHOSEN: dict[str, dict[str, int]] = {
     "system1": {"novice_only": 0, "sidm": 10, "pretrain_finetune": 3},
 }
-
-#: Columns of `frame.frame_of` in which two settings of a method can differ.
-KNOBS = (
-    "learning_rate",
-    "weight_decay",
-    "batch",
-    "initialisation",
-    "p_expert",
-    "matching_iterations",
-    "units",
-    "decay",
-)
 
 #: Each method's settings in the book before: changes of an untuned preset.
 BEFORE: dict[str, dict[str, Any]] = {
@@ -66,16 +54,8 @@ BEFORE: dict[str, dict[str, Any]] = {
 }
 
 
-class Draw(NamedTuple):
-    """Settings of a method in the random search."""
-
-    method: str
-    number: int  # 0: as in the book before, 1: recipe R, above: drawn at random
-    changes: dict[str, Any]  # of an untuned preset
-
-
-def draw(method: str, number: int) -> Draw:
-    """A method's draw of that number.
+def draw(method: str, number: int) -> dict[str, Any]:
+    """A method's draw of that number: changes of an untuned preset.
 
     Drawn at random are: learning rate, log-uniform from 1e-4 to 2e-3 (of fine-tuning
     from 1e-5 to 1e-3); weight decay, log-uniform from 1e-6 to 0.3; batches of 2, 4 or
@@ -84,140 +64,98 @@ def draw(method: str, number: int) -> Draw:
     batch of draw 0.
     """
     if number < 2:
-        return Draw(method, number, BEFORE[method] if number == 0 else R)
+        return BEFORE[method] if number == 0 else R
     rng = np.random.default_rng([zlib.crc32(method.encode()), number])
     finetuning = method == "pretrain_finetune"
     batch = int(rng.choice([2, 4, 8]))
     rate = _log_uniform(rng, *((1e-5, 1e-3) if finetuning else (1e-4, 2e-3)))
-    decay = _log_uniform(rng, 1e-6, 0.3)
-    changes = rate_and_batch(batch, rate) | {"weight_decay": decay}
+    changes = rate_and_batch(batch, rate) | {
+        "weight_decay": _log_uniform(rng, 1e-6, 0.3)
+    }
     initialisation = {"initialisation": str(rng.choice(["scaled", "pytorch"]))}
     if finetuning:
         tuned = tuple((method, name, value) for name, value in changes.items())
-        return Draw(method, number, initialisation | {"tuned": tuned})
+        return initialisation | {"tuned": tuned}
     if method == "sidm":
         p_expert = round(float(rng.uniform(0.5, 0.95)), 2)
         changes |= {"p_expert_system1": p_expert, "p_expert_system2": p_expert}
         changes |= {"matching_iterations": round(_log_uniform(rng, 5, 100))}
-    return Draw(method, number, initialisation | changes)
+    return initialisation | changes
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A random number from `low` to `high`, uniform in its logarithm.
-
-    It is rounded to three significant digits, so that it is the same on every machine.
-    """
+    """A random number, uniform in its logarithm; three digits are alike everywhere."""
     return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.3g}")
 
 
-def first_draws() -> Iterator[Draw]:
-    """All draws of all methods; those of the same number follow each other."""
-    for number in range(max(DRAWS.values())):
-        yield from (
-            draw(method, number) for method, count in DRAWS.items() if number < count
-        )
+def _trial(
+    study: Study, system: str, method: str, seed: int, changes: dict[str, Any]
+) -> Trial:
+    """A training on tuning motion, to CAP samples."""
+    changed = on_tuning_motion(study).changed(**changes | without_early_stopping(CAP))
+    return changed.trial(system, method, MINUTES, seed)
 
 
-def trial_of(study: Study, system: str, settings: Draw, seed: int) -> Trial:
-    """The training of a draw on tuning motion, to CAP samples."""
-    changes = settings.changes | without_early_stopping(CAP)
-    changed = on_tuning_motion(study).changed(**changes)
-    return changed.trial(system, settings.method, MINUTES, seed)
+def _search(
+    study: Study, system: str, draws: list[tuple[str, int, int]]
+) -> list[Trial]:
+    """The trainings of draws: method, number and seed of each; and their references.
 
-
-def reference(study: Study, system: str, seed: int) -> Trial:
-    """Least squares on the same split as the draw of a seed.
-
-    Its test loss says how hard the few test trajectories of the split are.
+    Least squares on the same split say how hard its few test trajectories are.
     """
-    changed = on_tuning_motion(study).changed(**without_early_stopping(CAP))
-    return changed.trial(system, "least_squares", MINUTES, seed)
-
-
-def with_references(study: Study, trials: list[Trial]) -> list[Trial]:
-    """Trials, followed by the reference of each system and seed."""
-    points = dict.fromkeys((trial.system, trial.seed) for trial in trials)
-    return trials + [reference(study, system, seed) for system, seed in points]
-
-
-def _one_seed_each(study: Study, system: str, draws: Iterator[Draw]) -> list[Trial]:
-    """Trials of draws, each with the seed of its number, and their references."""
-    trials = [trial_of(study, system, d, FIRST_SEED + d.number) for d in draws]
-    return with_references(study, trials)
+    trials = [_trial(study, system, m, seed, draw(m, n)) for m, n, seed in draws]
+    seeds = dict.fromkeys(trial.seed for trial in trials)
+    return trials + [_trial(study, system, "least_squares", s, {}) for s in seeds]
 
 
 def first_search(study: Study) -> list[Trial]:
     """Step 0: all draws on system 1, each with its own seed."""
-    return _one_seed_each(study, "system1", first_draws())
+    draws = [
+        (method, number, FIRST_SEED + number)
+        for number in range(max(DRAWS.values()))
+        for method, count in DRAWS.items()
+        if number < count
+    ]
+    return _search(study, "system1", draws)
 
 
 def best_repeated(study: Study) -> list[Trial]:
     """The two best draws of each method with two more seeds."""
     draws = [
-        draw(method, number) for method, numbers in BEST.items() for number in numbers
+        (method, number, seed)
+        for seed in REPEAT_SEEDS
+        for method, numbers in BEST.items()
+        for number in numbers
     ]
-    trials = [
-        trial_of(study, "system1", d, seed) for seed in REPEAT_SEEDS for d in draws
-    ]
-    return with_references(study, trials)
-
-
-def compare_units(study: Study) -> list[Trial]:
-    """Recipe R with raw and standardised units, for both of the paper's methods."""
-    base, trials = on_tuning_motion(study), []
-    for seed in REPEAT_SEEDS:
-        for units in ("raw", "standardised"):
-            changes = R | {"units": units} | without_early_stopping(CAP)
-            changed = base.changed(**changes)
-            trials += [
-                changed.trial("system1", method, MINUTES, seed) for method in COMPARED
-            ]
-    return trials
+    return _search(study, "system1", draws)
 
 
 def second_search(study: Study) -> list[Trial]:
     """Step 0': the two best draws of each method, and four fresh ones, on system 2."""
-    draws = (
-        draw(method, number)
+    draws = [
+        (method, number, FIRST_SEED + number)
         for method, count in DRAWS.items()
         for number in (*BEST.get(method, ()), *range(count, count + FRESH_DRAWS))
-    )
-    return _one_seed_each(study, "system2", draws)
+    ]
+    return _search(study, "system2", draws)
+
+
+def compare_units(study: Study) -> list[Trial]:
+    """Recipe R with raw and standardised units, for both of the paper's methods."""
+    return [
+        _trial(study, "system1", method, seed, R | {"units": units})
+        for seed in REPEAT_SEEDS
+        for units in ("raw", "standardised")
+        for method in COMPARED
+    ]
 
 
 def scores(frame: pd.DataFrame) -> pd.DataFrame:
-    """Stored draws from the best to the worst: a row per system, method and setting.
-
-    `score` is the lowest smoothed test loss divided by that of least squares on the
-    same split, the search's reference, as a geometric mean over the `seeds`. By the
-    mean `validation_loss` nothing is chosen.
-    """
-    solved = frame.method == "least_squares"
-    reference_losses = frame[solved].set_index(["system", "seed"]).best_test_loss
-    trained = frame[~solved]
-    references = [
-        reference_losses.get(key, np.nan)
-        for key in zip(trained.system, trained.seed, strict=True)
-    ]
-    scored = trained.assign(score=np.log(trained.best_test_loss / references))
-    means = (
-        scored.dropna(subset="score")
-        .groupby(["system", "method", *KNOBS], dropna=False)
-        .agg(
-            score=("score", "mean"),
-            validation_loss=("validation_loss", "mean"),
-            seeds=("seed", "nunique"),
-        )
-    )
-    table = means.assign(score=np.exp(means.score)).reset_index()
-    return table.sort_values(["system", "method", "score"])
-
-
-def draws_of(frame: pd.DataFrame) -> pd.DataFrame:
     """Stored draws of `first_search`, one training each: a row per draw.
 
-    There are `method`, `number` of the draw, `score` as in `scores`, and
-    `validation_loss`.
+    There are `method`, `number` of the draw, `validation_loss`, by which nothing is
+    chosen, and `score`: the lowest smoothed test loss divided by that of least squares
+    on the same split.
     """
     solved = frame.method == "least_squares"
     references = frame[solved].set_index("seed").best_test_loss
@@ -230,8 +168,8 @@ def draws_of(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def page_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The draws of `draws_of` with the headings of a page."""
-    draws = draws_of(frame)
+    """The draws of `scores` with the headings of a page."""
+    draws = scores(frame)
     labels = draws.method.map(lambda name: METHODS[name].label)
     names = {
         "number": "draw",

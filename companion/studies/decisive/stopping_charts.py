@@ -16,13 +16,6 @@ from companion.figures.style import METHOD_STYLES, html_picture, json_script
 from companion.studies.decisive.verdicts import END
 
 HEIGHT = 250  # pixels
-LOSSES = (0.12, 0.8)  # ends of the axes of losses
-SAMPLES = (1e5, 8e6)
-SAVINGS = (0.1, 30)
-LOSS_TICKS = (0.15, 0.2, 0.3, 0.4, 0.5, 0.7)
-SAVING_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
-SAMPLE_TICKS = (1e5, 3e5, 1e6, 3e6, 8e6)
-DECAY_TICKS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 COLOUR = METHOD_STYLES["sidm"]["color"]  # of a saving
 INK = alt.ExprRef("ink")
 
@@ -36,25 +29,25 @@ def axis(
     return kind(field, title=title, scale=scale, axis=shown)
 
 
+SAMPLE_TICKS = (1e5, 3e5, 1e6, 3e6, 8e6)
+SAMPLES = axis(alt.X, "x:Q", "samples seen in training", (1e5, 8e6), SAMPLE_TICKS, "~s")
+LOSS_TICKS = (0.15, 0.2, 0.3, 0.4, 0.5, 0.7)
+LOSSES = axis(alt.Y, "y:Q", "validation loss", (0.12, 0.8), LOSS_TICKS)
+
+
 def named(name: str) -> alt.Chart:
     """A chart of data that the page fills in."""
     return alt.Chart(alt.NamedData(name=name))
 
 
-def _samples() -> Any:
-    return axis(alt.X, "x:Q", "samples seen in training", SAMPLES, SAMPLE_TICKS, "~s")
-
-
-def _losses() -> Any:
-    return axis(alt.Y, "y:Q", "validation loss", LOSSES, LOSS_TICKS)
+def layers(*parts: Any) -> alt.LayerChart:
+    """Charts over each other."""
+    return alt.layer(*parts).properties(height=HEIGHT)
 
 
 def _cursor() -> alt.Chart:
-    return (
-        named("stop")
-        .mark_rule(color=INK, strokeWidth=1.5, tooltip=None)
-        .encode(x="x:Q")
-    )
+    rule = named("stop").mark_rule(color=INK, strokeWidth=1.5, tooltip=None)
+    return rule.encode(x="x:Q")
 
 
 def charts(methods: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, Any]]:
@@ -77,32 +70,29 @@ def charts(methods: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, Any]
 def _training(colour: Any) -> alt.LayerChart:
     """Loss along each training, and the weights that it keeps."""
     lines = named("curves").mark_line(clip=True, strokeWidth=1.2, opacity=0.55)
-    lines = lines.encode(x=_samples(), y=_losses(), color=colour, detail="s:N")
+    lines = lines.encode(x=SAMPLES, y=LOSSES, color=colour, detail="s:N")
     kept = named("kept").mark_point(filled=True, size=60, clip=True, opacity=1)
     kept = kept.encode(x="x:Q", y="y:Q", color=colour)
     drawn = named("draw").mark_line(clip=True, color=INK, strokeWidth=2)
-    drawn = drawn.encode(x="x:Q", y="y:Q")
-    return alt.layer(lines, drawn, kept, _cursor()).properties(height=HEIGHT)
+    return layers(lines, drawn.encode(x="x:Q", y="y:Q"), kept, _cursor())
 
 
 def _figure3(colour: Any) -> alt.LayerChart:
     """Loss against novice data: mean over seeds, from minimum to maximum."""
     sizes = axis(alt.X, "x:Q", "novice data (min)", (0.9, 135), (1, 5, 20, 60, 120))
     base = named("sizes")
-    band = base.mark_area(clip=True, opacity=0.2).encode(
-        x=sizes, y=_losses(), y2="high:Q", color=colour
-    )
-    means = base.mark_line(clip=True, point={"filled": True, "size": 60}).encode(
-        x="x:Q", y="mean:Q", color=colour
-    )
-    return alt.layer(band, means).properties(height=HEIGHT)
+    band = base.mark_area(clip=True, opacity=0.2)
+    band = band.encode(x=sizes, y=LOSSES, y2="high:Q", color=colour)
+    means = base.mark_line(clip=True, point={"filled": True, "size": 60})
+    return layers(band, means.encode(x="x:Q", y="mean:Q", color=colour))
 
 
 def _saving() -> alt.LayerChart:
     """Data ratio against the length of training, with rules and the stopping point."""
-    ratio = axis(alt.Y, "y:Q", "data without SIDM / with SIDM", SAVINGS, SAVING_TICKS)
+    ticks = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
+    ratio = axis(alt.Y, "y:Q", "data without SIDM / with SIDM", (0.1, 30), ticks)
     line = named("saving").mark_line(clip=True, color=COLOUR)
-    line = line.encode(x=_samples(), y=ratio)
+    line = line.encode(x=SAMPLES, y=ratio)
     band = named("saving").mark_area(clip=True, opacity=0.2, color=COLOUR)
     band = band.encode(x="x:Q", y=alt.Y("low:Q"), y2="high:Q")
     one = alt.Chart(alt.Data(values=[{"y": 1}])).mark_rule(color=INK, strokeDash=[4, 3])
@@ -119,19 +109,20 @@ def _saving() -> alt.LayerChart:
     whisker = whisker.encode(x="x:Q", y="low:Q", y2="high:Q")
     here = named("here").mark_point(filled=True, size=110, color=INK, opacity=1)
     here = here.encode(x="x:Q", y="y:Q")
-    parts = line, band, one.encode(y="y:Q"), rules, *names, whisker, here, _cursor()
-    return alt.layer(*parts).properties(height=HEIGHT)
+    return layers(
+        line, band, one.encode(y="y:Q"), rules, *names, whisker, here, _cursor()
+    )
 
 
 def _search(colour: Any) -> alt.LayerChart:
     """What each draw of the search keeps, against its weight decay."""
-    decay = axis(alt.X, "x:Q", "weight decay", (8e-7, 0.4), DECAY_TICKS, "~e")
+    ticks = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+    decay = axis(alt.X, "x:Q", "weight decay", (8e-7, 0.4), ticks, "~e")
+    words = alt.Tooltip("words:N", title="draw")
     points = named("draws").mark_point(filled=True, size=90, clip=True, opacity=0.9)
-    points = points.encode(
-        x=decay, y=_losses(), color=colour, tooltip=alt.Tooltip("words:N", title="draw")
-    )
+    points = points.encode(x=decay, y=LOSSES, color=colour, tooltip=words)
     ring = named("picked").mark_point(size=260, color=INK, strokeWidth=2, filled=False)
-    return alt.layer(points, ring.encode(x="x:Q", y="y:Q")).properties(height=HEIGHT)
+    return layers(points, ring.encode(x="x:Q", y="y:Q"))
 
 
 def html(
@@ -139,7 +130,7 @@ def html(
 ) -> str:
     """The charts with their numbers, which book/static/stopping.js puts together.
 
-    `contents` are those of `stopping_point`. The figure, in words for readers who
+    `contents` are those of `stopping_point`. The figure, with `words` for readers who
     cannot see it, is shown where there is no script. `names` are the charts to show, in
     their order; all by default. Without `search` its numbers are left out.
     """

@@ -9,7 +9,7 @@ this. Losses are rounded to a ten-thousandth; savings are those of `along` and
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,7 @@ import pandas as pd
 
 from companion.figures.style import METHOD_STYLES, system_label
 from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
-from companion.studies.decisive.along import lengths_of
-from companion.studies.decisive.figures import RECIPE_LABELS
+from companion.studies.decisive.along import RECIPE_LABELS, lengths_of
 from companion.studies.decisive.search import FIRST_SEED
 from companion.studies.decisive.verdicts import AT, RELEASED, losses_by
 from sidm.learning.stopping import kept_after
@@ -49,10 +48,9 @@ def drawn_tests(count: int) -> list[int]:
 def training_contents(row: pd.Series, lengths: Sequence[int]) -> dict[str, Any]:
     """A training's curve, and what it keeps when it is stopped after each length.
 
-    `method`, `minutes` and `seed`; the number of `tests` and their `spacing` in
-    samples; the `curve` of the validation loss at `drawn_tests`; after each length the
-    `kept` validation loss, and the number of the test `at` which the kept weights were
-    reached.
+    `tests` and their `spacing`, in samples; the `curve` of the validation loss at
+    `drawn_tests`; after each length the `kept` validation loss, and the number of the
+    test `at` which the kept weights were reached.
     """
     curve = stored_curve(row)
     shown = drawn_tests(len(curve.samples))
@@ -89,17 +87,17 @@ def saving_contents(table: pd.DataFrame) -> dict[str, list[Any]]:
 
     What is unknown, or has no bound, is None.
     """
+
+    def known(value: float) -> float | None:
+        return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+
     return {
         f"{quantity} {minutes:g}": [
-            [_number(number) for number in (row.value, row.low, row.high)]
+            [known(number) for number in (row.value, row.low, row.high)]
             for row in rows.itertuples()
         ]
         for (quantity, minutes), rows in table.groupby(["quantity", "minutes"])
     }
-
-
-def _number(value: float) -> float | None:
-    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
 
 
 def recipe_contents(group: pd.DataFrame, saved: pd.DataFrame) -> dict[str, Any]:
@@ -124,9 +122,22 @@ def recipe_contents(group: pd.DataFrame, saved: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def search_contents(search: pd.DataFrame, lengths: Sequence[int]) -> list[dict]:
-    """The trainings of the search with their number of the draw and their settings."""
-    return [
+def contents(
+    frame: pd.DataFrame, search: pd.DataFrame, saved: pd.DataFrame
+) -> dict[str, Any]:
+    """All numbers of the page, as JSON types.
+
+    `frame` has the rows of `verdicts.results`, `saved` is `along_training` of it,
+    `search` has the trainings of the search on system 1.
+    """
+    recipes: list[dict[str, Any]] = []
+    lengths: list[int] = []
+    for (recipe, system), group in frame.groupby(["recipe", "system"], sort=False):
+        if {"sidm", "novice_only"} <= set(group.method):
+            rows = saved[(saved.recipe == recipe) & (saved.system == system)]
+            recipes.append(recipe_contents(group, rows))
+            lengths = max(lengths, lengths_of(group), key=len)
+    draws = [
         training_contents(row, [min(length, row.max_samples) for length in lengths])
         | {
             "number": int(row.seed) - FIRST_SEED,
@@ -136,26 +147,6 @@ def search_contents(search: pd.DataFrame, lengths: Sequence[int]) -> list[dict]:
         }
         for _, row in search.iterrows()
     ]
-
-
-def contents(
-    frame: pd.DataFrame, search: pd.DataFrame, saved: pd.DataFrame
-) -> dict[str, Any]:
-    """All numbers of the page, as JSON types.
-
-    `frame` has the rows of `verdicts.results`, `saved` is `along_training` of it,
-    `search` has those of the search on system 1.
-    """
-    groups = {
-        key: group
-        for key, group in frame.groupby(["recipe", "system"], sort=False)
-        if set(group.method) >= {"sidm", "novice_only"}
-    }
-    lengths = max((lengths_of(group) for group in groups.values()), key=len, default=[])
-    recipes = []
-    for (recipe, system), group in groups.items():
-        rows = saved[(saved.recipe == recipe) & (saved.system == system)]
-        recipes.append(recipe_contents(group, rows))
     counts = {len(row) for row in (*frame.every_test_loss, *search.every_test_loss)}
     return {
         "scale": SCALE,
@@ -164,15 +155,10 @@ def contents(
         "opens": RELEASED,
         "lengths": lengths,
         "rules": list(RULES),
-        "methods": _methods(frame, search),
+        "methods": {
+            name: {key: METHOD_STYLES[name][key] for key in ("label", "color")}
+            for name in dict.fromkeys([*frame.method, *search.method])
+        },
         "recipes": recipes,
-        "search": search_contents(search, lengths),
-    }
-
-
-def _methods(*frames: pd.DataFrame) -> Mapping[str, dict[str, Any]]:
-    names = dict.fromkeys(name for frame in frames for name in frame.method)
-    return {
-        name: {key: METHOD_STYLES[name][key] for key in ("label", "color")}
-        for name in names
+        "search": draws,
     }

@@ -16,7 +16,7 @@ from companion.engine.store import Results
 from companion.figures.style import system_label
 from companion.statistics.claims import NO_VERDICT, NOT_SEEN, verdict
 from companion.statistics.efficiency import DataRatio, data_ratio
-from companion.statistics.intervals import FEWEST_SEEDS, holm, mean_ratio, p_value
+from companion.statistics.intervals import FEWEST_SEEDS, holm, mean_ratio, p_values
 from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
 from companion.study import Study
@@ -38,23 +38,9 @@ RATIOS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 }
 #: Recipe -> the rule by which verdict S compares its losses.
 LOSSES = {"R": RELEASED, "T": END}
-#: Columns of a table of verdicts. A claim about a loss says that the value is below 1,
-#: a claim about a data ratio that it is above 1.
-COLUMNS = (
-    "verdict",
-    "system",
-    "recipe",
-    "rule",
-    "method",
-    "minutes",
-    "seeds",
-    "value",
-    "low",
-    "high",
-    "bound",
-    "says",
-    "corrected",
-)
+#: Columns of a table of verdicts.
+ABOUT = ["verdict", "system", "recipe", "rule", "method", "minutes", "seeds"]
+COLUMNS = [*ABOUT, "value", "low", "high", "bound", "says"]
 
 
 def results(study: Study, store: Results) -> pd.DataFrame:
@@ -85,12 +71,26 @@ def losses_by(frame: pd.DataFrame, rule: str) -> pd.DataFrame:
     )
 
 
-def wide(frame: pd.DataFrame, method: str, sizes: Sequence[float]) -> pd.DataFrame:
-    """Losses of a method: a row per seed that has all sizes, a column per size."""
-    losses = frame[frame.method == method].pivot(
-        index="seed", columns="novice_minutes", values="loss"
+def losses_of(frame: pd.DataFrame, recipe: str, system: str, rule: str) -> pd.DataFrame:
+    """The losses of one recipe on one system that a stopping rule keeps."""
+    chosen = frame[(frame.recipe == recipe) & (frame.system == system)]
+    return losses_by(chosen, rule)
+
+
+def paired(
+    frame: pd.DataFrame, method: str, minutes: float, alone: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Losses (S,) of a method, and (S, M) of training alone at M sizes, seed by seed.
+
+    `frame` has the losses of one recipe on one system; seeds that lack one are left
+    out.
+    """
+    wide = frame.pivot(
+        index="seed", columns=["method", "novice_minutes"], values="loss"
     )
-    return losses.reindex(columns=list(sizes)).dropna()
+    columns = [(method, minutes), *(("novice_only", size) for size in alone)]
+    both = wide.reindex(columns=columns).dropna().to_numpy(float)
+    return both[:, 0], both[:, 1:]
 
 
 def ratio_of_data(
@@ -101,12 +101,8 @@ def ratio_of_data(
     `frame` has the losses of one recipe on one system, the method has so many `minutes`
     of novice data; verdicts are on AT alone.
     """
-    alone = wide(frame, "novice_only", ALONE_SIZES)
-    other = wide(frame, method, [minutes])
-    seeds = alone.index.intersection(other.index)
-    losses = other.loc[seeds, minutes].to_numpy()
-    ratio = data_ratio(ALONE_SIZES, alone.loc[seeds].to_numpy(), losses, minutes)
-    return len(seeds), ratio
+    losses, alone = paired(frame, method, minutes, ALONE_SIZES)
+    return len(losses), data_ratio(ALONE_SIZES, alone, losses, minutes)
 
 
 def sidm_saving(
@@ -121,15 +117,10 @@ def sidm_saving(
 
     `rival` is the recipe of training alone; by default the same.
     """
-    losses = _losses_of(frame, recipe, system, rule)
+    losses = losses_of(frame, recipe, system, rule)
     if rival is not None:
-        alone = _losses_of(frame, rival, system, rule)
-        losses = pd.concat(
-            [
-                losses[losses.method == "sidm"],
-                alone[alone.method == "novice_only"],
-            ]
-        )
+        alone = losses_of(frame, rival, system, rule).query("method == 'novice_only'")
+        losses = pd.concat([losses.query("method == 'sidm'"), alone])
     return ratio_of_data(losses, "sidm", minutes)[1]
 
 
@@ -138,20 +129,10 @@ def loss_ratio(frame: pd.DataFrame, minutes: float) -> tuple[int, float, float, 
 
     `frame` has the losses of one recipe on one system.
     """
-    sidm, alone = (wide(frame, method, [minutes]) for method in ("sidm", "novice_only"))
-    seeds = sidm.index.intersection(alone.index)
-    if len(seeds) < FEWEST_SEEDS:
-        return len(seeds), np.nan, np.nan, np.nan
-    ratio = mean_ratio(sidm.loc[seeds].to_numpy(), alone.loc[seeds].to_numpy())
-    return len(seeds), *ratio
-
-
-def _losses_of(
-    frame: pd.DataFrame, recipe: str, system: str, rule: str
-) -> pd.DataFrame:
-    """The losses of one recipe on one system that a stopping rule keeps."""
-    chosen = frame[(frame.recipe == recipe) & (frame.system == system)]
-    return losses_by(chosen, rule)
+    losses, alone = paired(frame, "sidm", minutes, [minutes])
+    if len(losses) < FEWEST_SEEDS:
+        return len(losses), np.nan, np.nan, np.nan
+    return len(losses), *mean_ratio(losses[:, None], alone)
 
 
 def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
@@ -160,31 +141,32 @@ def data_ratios(frame: pd.DataFrame) -> pd.DataFrame:
     for (name, (recipe, rule, methods)), system in itertools.product(
         RATIOS.items(), PAPER_SYSTEMS
     ):
-        losses = _losses_of(frame, recipe, system, rule)
+        losses = losses_of(frame, recipe, system, rule)
         for method in methods:
             seeds, ratio = ratio_of_data(losses, method)
             claimed = method == "sidm"  # the paper claims nothing of fine-tuning
             estimate = Interval(*ratio[:3])  # a bound has no value, and so no verdict
             says = verdict(estimate, 1.0, PAPER[system]) if claimed else NO_VERDICT
             about = name, system, recipe, rule, method, AT, seeds
-            rows.append((*about, *ratio, says, np.nan))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+            rows.append((*about, *ratio, says))
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def small_data(frame: pd.DataFrame) -> pd.DataFrame:
     """Verdict S of `results`: a row per recipe, system and size of little data.
 
-    The value is the SIDM's loss divided by that of training alone, paired by seed.
+    The value is the SIDM's loss divided by that of training alone, paired by seed; the
+    claim is that it lies below 1.
     """
     rows = []
     for (recipe, rule), system in itertools.product(LOSSES.items(), PAPER_SYSTEMS):
-        losses = _losses_of(frame, recipe, system, rule)
+        losses = losses_of(frame, recipe, system, rule)
         for minutes in SMALL:
             seeds, *ratio = loss_ratio(losses, minutes)
             says = verdict(Interval(*ratio), 1.0, above=False)
             about = "S", system, recipe, rule, "sidm", minutes, seeds
-            rows.append((*about, *ratio, "", says, np.nan))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+            rows.append((*about, *ratio, "", says))
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
@@ -193,19 +175,17 @@ def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     A verdict whose corrected p-value is not below 0.05 is NOT_SEEN.
     """
     table = pd.concat([data_ratios(frame), small_data(frame)], ignore_index=True)
+    table["corrected"] = np.nan
     judged = table.says.ne(NO_VERDICT)
-    p = [
-        p_value(Interval(row.value, row.low, row.high), row.seeds)
-        for row in table[judged].itertuples()
-    ]
-    table.loc[judged, "corrected"] = holm(np.array(p))
+    tested = table[judged]
+    p = p_values(tested[["value", "low", "high"]], tested.seeds)
+    table.loc[judged, "corrected"] = holm(p)
     table.loc[judged & table.corrected.ge(0.05), "says"] = NOT_SEEN
     return table
 
 
 def page_table(table: pd.DataFrame) -> pd.DataFrame:
     """The rows of `verdicts` that have enough seeds, with the headings of a page."""
-    enough = table[table.seeds >= FEWEST_SEEDS]
     words = {"sidm": "SIDM", FINETUNING: "fine-tuning"}
     rows = [
         {
@@ -221,6 +201,6 @@ def page_table(table: pd.DataFrame) -> pd.DataFrame:
             "p (Holm)": "-" if np.isnan(row.corrected) else f"{row.corrected:.2g}",
             "Says": row.says,
         }
-        for row in enough.itertuples()
+        for row in table[table.seeds >= FEWEST_SEEDS].itertuples()
     ]
     return pd.DataFrame(rows)

@@ -5,11 +5,7 @@ import pytest
 import scipy.stats
 
 from companion.statistics import coverage
-from companion.statistics.efficiency import (
-    efficiency,
-    isotonic_fit,
-    minutes_needed,
-)
+from companion.statistics.efficiency import isotonic_fit, minutes_needed
 from companion.statistics.intervals import (
     MANY_SEEDS,
     bootstrap,
@@ -46,14 +42,6 @@ def test_leaving_one_out_of_a_mean_is_students_interval():
     )
 
 
-def test_splits_of_the_same_data_count_for_less(rng):
-    values = rng.normal(size=10)
-    plain, split = interval(np.mean, values), interval(np.mean, values, held_out=0.25)
-    assert split.high - split.value == pytest.approx(
-        np.sqrt(1 + 10 / 3) * (plain.high - plain.value)
-    )
-
-
 def test_intervals_of_repeated_splits_hold_the_truth():
     """A mean is measured on a quarter of 40 sessions, split anew ten times.
 
@@ -76,9 +64,6 @@ def test_intervals_of_degenerate_samples():
         assert interval(np.mean, np.full(many, 2.0)) == (2, 2, 2)
     for many in (5, 40):
         assert np.isnan(interval(lambda _: float("nan"), np.ones((many, 2)))).all()
-
-
-def test_many_seeds_are_resampled():
     samples = np.random.default_rng(1).lognormal(size=MANY_SEEDS)
     assert interval(np.mean, samples) == bootstrap(np.mean, samples)
     assert interval(np.mean, samples[1:]) == leave_one_out(np.mean, samples[1:])
@@ -127,16 +112,3 @@ def test_minutes_needed_reads_a_power_law():
     assert minutes_needed(MINUTES, curve, 2.0) == (1, "<=")
     assert minutes_needed(MINUTES, curve, 0.01) == (120, ">")
     assert minutes_needed(MINUTES, curve, curve[0]) == (1, "=")
-
-
-def test_efficiency_of_shifted_curves():
-    """The ratio is 4 where both curves reach, elsewhere a bound."""
-    sidm, novice = (4 * MINUTES) ** -0.5, MINUTES**-0.5
-    ratios = efficiency(MINUTES, sidm, novice, [0.3, sidm[-1], 0.7, 2.0, 0.01])
-    assert ratios.ratio[0] == pytest.approx(4) and ratios.bound[0] == "="
-    # training alone never reaches this loss
-    assert ratios.ratio[1] == pytest.approx(1) and ratios.bound[1] == ">="
-    # SIDM reaches this loss with the smallest size
-    assert ratios.bound[2] == ">=" and ratios.ratio[2] == pytest.approx(0.7**-2)
-    assert ratios.bound[3:].tolist() == ["?", "?"]
-    assert np.isnan(ratios.ratio[3:]).all()

@@ -12,7 +12,7 @@ from companion.statistics.pairs import (
     paired_comparison,
     pooled_comparison,
 )
-from companion.statistics.tables import component_errors, loss_summary, wide
+from companion.statistics.tables import component_errors, wide
 from sidm.config import replace
 from sidm.learning.observation import TARGET_SIZE
 
@@ -94,17 +94,6 @@ def test_what_is_complete_is_kept(figure3_frame, figure3_rows, make_row):
     other = make_row(first.replace(training=replace(first.training, p_expert=0.1)))
     with pytest.raises(ValueError, match="two results of system1 at one point"):
         complete(frame_of([*figure3_rows, other]), "system1")
-
-
-def test_losses_are_over_the_rows_of_a_key(tiny, make_row):
-    study = Study(tiny)
-    trials = study.figure3("system1") + study.figure3("system2")
-    pairs = zip(trials[3:], (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), strict=True)
-    frame = frame_of(make_row(trial, loss) for trial, loss in pairs)
-    assert loss_summary(frame, ["system"]).to_numpy().tolist() == [
-        ["system1", 3, 2.0, 1.0, 3.0],
-        ["system2", 3, 5.0, 4.0, 6.0],
-    ]
 
 
 def test_component_errors_are_roots_of_mean_squares():

@@ -51,7 +51,7 @@ def test_changes_have_verdicts_and_are_ranked_by_what_they_gain(make_row, tmp_pa
 def test_a_dot_is_filled_where_the_interval_excludes_one():
     """A change with one comparison has no row."""
     names = ["one", "one", "other", "other", "single"]
-    table = pd.DataFrame({"hypothesis": "", "change": names, "system": "system1"})
+    table = pd.DataFrame({"change": names, "system": "system1"})
     verdicts = [BETTER, "no difference seen", WORSE, WORSE, BETTER]
     table = table.assign(ratio=[0.5, 0.9, 1.5, 1.6, 0.1], verdict=verdicts)
     (axes,) = h.figure(table).axes

@@ -8,24 +8,12 @@ from companion import Results, Study
 from companion.__main__ import main
 from companion.engine.known_motion import Known, note
 from companion.statistics.pairs import paired_comparison
-from companion.studies.reproduction import store_of, table, with_repeats
+from companion.studies.reproduction import store_of, with_repeats
 
 
 @pytest.fixture
 def study(tmp_path):
     return Study("laptop", tmp_path, tmp_path)
-
-
-def test_the_same_trials_are_found_by_all_but_their_data(study, make_row):
-    """Losses are two per cent lower, seed by seed."""
-    store, repeated = Results(study.results), store_of(study.results)
-    for trial in study.points("system1", ["novice_only", "sidm"], [5.0, 20.0]):
-        store.put(make_row(trial, 1.0 + trial.seed))
-        if trial.novice_minutes == 5 and trial.method == "sidm":
-            repeated.put(make_row(trial, 0.98 * (1 + trial.seed)))
-    (line,) = table(store, repeated).itertuples()
-    assert (line.method, line.novice_minutes, line.seeds) == ("sidm", 5, 3)
-    assert (line.ratio, line.low, line.high) == pytest.approx((0.98, 0.98, 0.98))
 
 
 def test_the_command_line_holds_results_against_others_and_says_what_has_none(

@@ -7,7 +7,6 @@ import pytest
 from companion import Study
 from companion.engine.frame import frame_of
 from companion.studies.throughput import (
-    Pace,
     measure,
     pace_note,
     read,
@@ -45,15 +44,11 @@ def test_what_is_measured_is_read(study, tmp_path):
     assert "in 2 rounds, on one core" in note and "beside a film" in note
     stored = read(tmp_path, name)
     assert {*stored} == {*methods} and read(tmp_path, "paper") == {}
-    assert all(0 < pace.lowest < pace.median < pace.highest for pace in stored.values())
+    assert all(pace > 0 for pace in stored.values())
 
 
 def test_pretraining_has_the_pace_of_one_system_alone(study, make_row):
-    paces = {
-        "sidm": Pace(4.0, 3.0, 5.0),
-        "pretrain_finetune": Pace(3.0, 2.0, 4.0),
-        "novice_only": Pace(2.0, 1.0, 3.0),
-    }
+    paces = {"sidm": 4.0, "pretrain_finetune": 3.0, "novice_only": 2.0}
     tuned, sidm = (
         make_row(study.trial("system1", method, 0.25))  # of 300 samples
         for method in ("pretrain_finetune", "sidm")

@@ -12,7 +12,7 @@ from companion.methods import FOR_LITTLE, METHODS
 from companion.numerics import versions
 from companion.statistics.savings import savings
 from companion.studies import tree_search
-from companion.studies.tree_search import best, draw, draws, read
+from companion.studies.tree_search import best, draw, read
 from companion.studies.tuning import (
     LITTLE,
     LITTLE_TRIES,
@@ -61,15 +61,6 @@ def test_every_method_has_as_many_tries_and_the_lowest_test_loss_is_marked(
     assert trials[6].training.weight_decay == 0.1
 
 
-def test_the_study_has_tries_of_its_own_on_motion_of_their_own(tmp_path):
-    trials = trials_of(Study("study", tmp_path, tmp_path), "system2")
-    (count,) = {len(tries) for tries in LITTLE_TRIES.values()}
-    assert len({t.key for t in trials}) == len(trials) == 3 * count
-    assert {(t.motion, t.novice_minutes) for t in trials} == {("tuning", 5)}
-    sidm = [t.training for t in trials if t.method == "sidm"]
-    assert {training.p_expert for training in sidm} == {0.5, 0.9}
-
-
 @pytest.mark.parametrize("method", TRIES)
 def test_the_laptop_is_tuned_to_its_best_tries(method):
     """By the rule, the lowest test loss on system 1 wins."""
@@ -91,7 +82,7 @@ def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, syste
     study = Study("study", "no data", RESULTS)
     trials = [t for t in trials_of(study, system) if t.method == method]
     losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
-    assert len(losses) == len(LITTLE_TRIES[method])
+    assert len(losses) == len(LITTLE_TRIES[method]) == 6
     ways = [(trial.training, trial.pretraining) for trial in trials]
     figure3 = study.points(system, [method], [5.0])[0]
     same = losses[ways.index((figure3.training, figure3.pretraining))]
@@ -151,7 +142,7 @@ def few(study, monkeypatch):
 def test_a_search_of_trees_goes_on_where_it_was_and_is_read(few):
     """A draw that is kept is not searched again."""
     kept = few.data / "checkpoints" / tree_search.NAME
-    done = {f"{draws()[0].method} {draws()[0].number}": [1.0, 2.0]}
+    done = {"trees 0": [1.0, 2.0]}
     write_record(kept, {"losses": done, "numerics": versions("fitting")})
     tree_search.make(few, workers=1)
     stored = read_record(few.results / tree_search.NAME)
@@ -161,25 +152,25 @@ def test_a_search_of_trees_goes_on_where_it_was_and_is_read(few):
     logs = np.log(stored["trees"][1][1]) - np.log(stored["least_squares"])
     row = table[(table.method == "trees") & (table.number == 1)].iloc[0]
     assert row.score == pytest.approx(np.exp(logs.mean()))
-    assert row.novice == draw("trees", 1).novice
+    assert row.growths == draw("trees", 1)
 
 
 def test_the_lowest_score_is_chosen(tmp_path):
     def row(method, number, losses):
-        chosen = draw(method, number)
-        return [[list(g) for g in chosen[2:] if g is not None], losses]
+        return [[list(growth) for growth in draw(method, number)], losses]
 
     rows = {
         "trees": [row("trees", 0, [0.9, 1.8]), row("trees", 1, [0.5, 3.0])],
         "trees_corrected": [row("trees_corrected", n, [n + 1.0, 1.0]) for n in (0, 1)],
     }
     write_record(tmp_path / tree_search.NAME, rows | {"least_squares": [1.0, 2.0]})
-    chosen = best(tmp_path)
-    assert chosen["trees"].number == 1 and chosen["trees_corrected"].number == 0
+    assert best(tmp_path) == {"trees": 1, "trees_corrected": 0}
     assert read(tmp_path).score.iloc[0] == pytest.approx(np.sqrt(0.75))
 
 
 def test_trees_grow_with_what_the_search_chose():
-    chosen = best(RESULTS)
-    assert boosting.NOVICE == chosen["trees"].novice
-    assert (boosting.CORRECTION, boosting.EXPERT) == chosen["trees_corrected"][2:]
+    trees, corrected = (
+        draw(method, number) for method, number in best(RESULTS).items()
+    )
+    assert [boosting.NOVICE] == trees
+    assert [boosting.CORRECTION, boosting.EXPERT] == corrected
