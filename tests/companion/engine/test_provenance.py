@@ -9,11 +9,12 @@ from companion.engine import provenance
 from sidm import versions
 
 
-def test_every_library_that_decides_numbers_is_named():
+def test_every_library_that_decides_numbers_is_named(monkeypatch):
     made = provenance.here(1.0, 1)
     for name in ("torch", "numpy", "scipy", "numba", "scikit_learn"):
         assert getattr(made, name) == importlib.metadata.version(name)
-    assert versions._version("no-such-package") == ""
+    monkeypatch.setattr(versions, "LIBRARIES", ("numpy", "no-such-package"))
+    assert versions.library_versions()["no-such-package"] == ""
 
 
 def test_memory_has_one_unit_on_every_system(monkeypatch):
