@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ownrobot.fitting.learning import refuse_method
+from ownrobot.fitting.settings import Settings
 from ownrobot.fitting.splits import Split, folds, groups_of, share_of
 from sidm.body import Body
 from sidm.config import ConfigError
@@ -65,6 +67,16 @@ class Plan(NamedTuple):
             for share in self.shares
             for fold in range(self.folds)
         ]
+
+
+class Task(NamedTuple):
+    """All that the fits of a comparison need."""
+
+    plan: Plan
+    novice: list[Drive]
+    expert: list[Drive] | None
+    settings: Settings
+    folder: Path | None  # where results are kept; None: nowhere
 
 
 def plan_for(

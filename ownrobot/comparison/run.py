@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +16,14 @@ from ownrobot.comparison.plan import (
     REPEATS,
     SHARES,
     Fit,
-    Plan,
+    Task,
     drives_of,
     plan_for,
 )
 from ownrobot.comparison.result import Comparison, FitResult
 from ownrobot.comparison.store import digest_of, file_of, read_outcome, write_outcome
 from ownrobot.fitting.arguments import robots_from
-from ownrobot.fitting.settings import NOTHING, Settings, settings_with, without_effect
+from ownrobot.fitting.settings import NOTHING, settings_with, without_effect
 from ownrobot.fitting.single import data_of, fit_drives, pretrained
 from ownrobot.fitting.windows import common_length
 from ownrobot.methods.registry import METHODS
@@ -38,16 +38,6 @@ from sidm.settings import Network, Training
 if TYPE_CHECKING:
     from ownrobot.fitting.arguments import BodyLike, Drives
     from ownrobot.methods.fine_tuning import Pretrained
-
-
-class Task(NamedTuple):
-    """All that the fits of a comparison need."""
-
-    plan: Plan
-    novice: list[Drive]
-    expert: list[Drive] | None
-    settings: Settings
-    folder: Path | None  # where results are kept; None: nowhere
 
 
 def compare(

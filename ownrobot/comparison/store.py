@@ -6,14 +6,14 @@ import functools
 import hashlib
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 import ownrobot
 import sidm
-from ownrobot.comparison.plan import Fit
+from ownrobot.comparison.plan import Fit, Task
 from ownrobot.comparison.result import FitResult
 from ownrobot.fitting.errors import DriveLosses
 from ownrobot.fitting.windows import ground_key
@@ -21,9 +21,6 @@ from sidm.config import to_mapping
 from sidm.drives import Drive
 from sidm.storage import Damaged, checksum, read_record, write_record
 from sidm.versions import library_versions, source_digest
-
-if TYPE_CHECKING:
-    from ownrobot.comparison.run import Task
 
 
 def file_of(task: Task, fit: Fit) -> Path | None:
