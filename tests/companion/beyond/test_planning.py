@@ -135,3 +135,9 @@ def test_the_straight_driver_turns_towards_its_goal():
     assert steer_to_goal(HERE, np.array([5.0, -1.0]))[1] > 0
     goal = np.array([4.0, 3.0])
     assert drive(goal, lambda state: steer_to_goal(state, goal), 200) < 200
+
+
+def test_plans_are_functions_of_their_seed():
+    plans = [plan(Planner(Planning(), AHEAD, seed)) for seed in (1, 1, 2)]
+    assert torch.equal(plans[0], plans[1]) and not torch.equal(plans[0], plans[2])
+    assert torch.equal(plans[0][0], plans[0][2])  # an action is held

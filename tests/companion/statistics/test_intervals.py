@@ -112,3 +112,11 @@ def test_minutes_needed_reads_a_power_law():
     assert minutes_needed(MINUTES, curve, 2.0) == (1, "<=")
     assert minutes_needed(MINUTES, curve, 0.01) == (120, ">")
     assert minutes_needed(MINUTES, curve, curve[0]) == (1, "=")
+
+
+def test_splits_of_the_same_data_count_for_less(rng):
+    values = rng.normal(size=10)
+    plain, split = interval(np.mean, values), interval(np.mean, values, held_out=0.25)
+    assert split.high - split.value == pytest.approx(
+        np.sqrt(1 + 10 / 3) * (plain.high - plain.value)
+    )

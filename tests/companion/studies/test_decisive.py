@@ -409,3 +409,16 @@ def test_the_median_drive_is_shown():
     predicted[:, -1, 0] = 3, 1, 2
     paths = {"rollouts_predicted": [predicted.tolist()], "rollouts_actual": [actual]}
     assert figure4.median_drive(pd.DataFrame(paths)) == 2
+
+
+def test_one_setting_changes_at_a_time(study):
+    made = further.ablations(study)
+    assert len({trial.key for trial in made}) == 48
+    for trial in made:
+        training = trial.training
+        off_r = [
+            training.p_expert != further.OF_R["p_expert"][trial.system],
+            training.prediction_iterations != 100,
+            training.matching_iterations != 20 or not training.regularise,
+        ]
+        assert sum(off_r) == 1 and training.max_samples == training.patience

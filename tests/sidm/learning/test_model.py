@@ -141,3 +141,10 @@ def test_both_systems_begin_as_copies_of_a_start(small_network, make_motion, own
     fresh.initialise_from(core)  # encoders and decoders stay as they are
     assert torch.equal(fresh.state_dict()["encoders.novice.dense.0.weight"], kept)
     assert all(torch.equal(fresh.state_dict()[name], core[name]) for name in core)
+
+
+def test_seeds_and_purposes_differ_and_are_the_same_everywhere():
+    purposes = ("novice", "expert", "matching")
+    found = {derive(seed, purpose) for seed in range(50) for purpose in purposes}
+    assert len(found) == 150 and all(0 <= seed < 2**63 for seed in found)
+    assert derive(0, "novice") == 1983752819106747147

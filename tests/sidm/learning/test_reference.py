@@ -6,6 +6,8 @@ are set to 0), L2 decay in the gradient, one system an iteration, and a discrimi
 that processes one system at a time.
 """
 
+import math
+
 import pytest
 import torch
 import torch.nn.functional as F
@@ -241,3 +243,29 @@ def test_released_draws_go_through_all_windows_and_take_either_system(make_train
     drawn = [trainer.sampler.discriminator_systems() for _ in range(400)]
     assert set(drawn) == {("expert",), ("novice",)}
     assert 160 < drawn.count(("expert",)) < 240
+
+
+def test_prediction_loss_is_the_squared_norm():
+    target = torch.zeros(2, 3, 13)
+    predicted = target.clone()
+    predicted[0, 0, 0], predicted[0, 0, 12], predicted[1, 2, 5] = 3.0, 4.0, -2.0
+    expected = [[25.0, 0.0, 0.0], [0.0, 0.0, 4.0]]
+    assert losses.prediction_loss(predicted, target).tolist() == expected
+    with pytest.raises(ValueError, match=r"\(2, 3, 13\) and target \(3, 13\)"):
+        losses.prediction_loss(predicted, target[0])
+
+
+def test_discriminator_and_matching_losses_from_probabilities():
+    expert = torch.logit(torch.tensor([0.9, 0.5], dtype=torch.float64))
+    novice = torch.logit(torch.tensor([0.2, 0.7], dtype=torch.float64))
+    of_expert, of_novice = math.log(0.9 * 0.5) / 2, math.log(0.8 * 0.3) / 2
+    both = losses.expected_discriminator_loss(expert, novice)
+    assert float(both) == pytest.approx(-of_expert - of_novice)
+    assert float(losses.one_sided_loss(expert)) == pytest.approx(-of_expert)
+    one_sided = losses.one_sided_loss(novice_logits=novice)
+    assert float(one_sided) == pytest.approx(-of_novice)
+    matching = losses.expected_matching_loss(novice)
+    assert float(matching) == pytest.approx(-math.log(0.2 * 0.7) / 2)
+    far = torch.tensor([200.0])  # where the probability rounds
+    assert losses.discriminator_loss(-far, far).item() == pytest.approx(400.0)
+    assert losses.matching_loss(-far).item() == pytest.approx(200.0)
