@@ -363,7 +363,7 @@ sys.exit(main(["notebook", "all", "--jobs", "2"]))
 
 @pytest.mark.more
 def test_notebooks_that_run_trials_do_it_in_turn(project, monkeypatch):
-    """They share trials: none must be trained twice. The environment stays."""
+    """The notebooks share trials, and none is trained twice; the environment stays."""
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     note = "with open('log', 'a') as file: print('{}', file=file, flush=True)"
     steps = [(name, what) for name in "123" for what in ("begins", "ends")]
