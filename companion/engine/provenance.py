@@ -76,9 +76,12 @@ class Provenance:
     @property
     def stale(self) -> bool:
         """Whether the current code would give other numbers."""
-        return any(
-            NUMERICS.get(kind) != version for kind, version in self.numerics.items()
-        )
+        return are_stale(self.numerics)
+
+
+def are_stale(numerics: Mapping[str, int]) -> bool:
+    """Whether one of these versions of numbers is not today's."""
+    return any(NUMERICS.get(kind) != version for kind, version in numerics.items())
 
 
 def source() -> str:

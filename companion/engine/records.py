@@ -21,9 +21,15 @@ from companion.engine.datasets import digests_of
 from companion.engine.frame import records_frame
 from companion.engine.known_motion import refuse_mixed
 from companion.engine.lines import append, line_of, read_lines, write_lines
-from companion.engine.provenance import THREADS, Provenance, here, source
+from companion.engine.provenance import THREADS, Provenance, are_stale, here, source
 from companion.trials import key_of_values, without_later
-from sidm.config import ConfigError, first_line, from_mapping, to_mapping
+from sidm.config import (
+    ConfigError,
+    completed,
+    first_line,
+    from_mapping,
+    to_mapping,
+)
 from sidm.pool import as_completed
 from sidm.progress import progress_bar
 from sidm.storage import Damaged, locked, read_record
@@ -161,8 +167,12 @@ class Records(Generic[F]):
 
     def keys(self) -> list[str]:
         """The keys of all records."""
+        return [*self._whole_lines()]
+
+    def _whole_lines(self) -> dict[str, dict[str, Any]]:
+        """As `_lines`; StoreError where the file is damaged."""
         try:
-            return [*self._lines()]
+            return self._lines()
         except Damaged as error:
             raise self._damaged(error) from None
 
@@ -175,6 +185,22 @@ class Records(Generic[F]):
 
     def of_key(self, key: str, curves: bool = True) -> F | None:
         """The record of a key, or None; `curves` says whether its curves are read."""
+        return self._read(key, from_mapping, curves)
+
+    def values(self, keys: Iterable[str], curves: bool = True) -> dict[str, dict]:
+        """Plain values of the records of some keys, by key, see `config.completed`.
+
+        Raises:
+            OtherMotion: they were made with motion that differs by more than rounding.
+        """
+        found = {key: self._read(key, completed, curves) for key in keys}
+        found = {key: values for key, values in found.items() if values is not None}
+        seen = (values["provenance"]["digests"] for values in found.values())
+        refuse_mixed(seen, self.folder)
+        return found
+
+    def _read(self, key: str, read: Callable[[type, Any], Any], curves: bool) -> Any:
+        """What `read` makes of the kind and the values of a line; None without it."""
         try:
             values = self._lines().get(key)
             if values is None:
@@ -185,7 +211,7 @@ class Records(Generic[F]):
                 long = self._read_curves(*place) if curves and place else {}
                 empty: dict[str, Any] = dict.fromkeys(self.curves, ())
                 values["outcome"] = empty | values["outcome"] | long
-            return from_mapping(self.kind, values)
+            return read(self.kind, values)
         except (Damaged, ConfigError, TypeError, KeyError) as error:
             raise self._damaged(error) from None
 
@@ -209,12 +235,13 @@ class Records(Generic[F]):
 
     def missing(self, abouts: Iterable[Any]) -> list[Any]:
         """What has no record of today's versions of the numbers, in its order."""
-        missing = []
-        for about in abouts:
-            record: Any = self.of_key(key_of(about), curves=False)
-            if record is None or record.provenance.stale:
-                missing.append(about)
-        return missing
+        lines = self._whole_lines()
+        return [
+            about
+            for about in abouts
+            if (values := lines.get(key_of(about))) is None
+            or are_stale(values["provenance"]["numerics"])
+        ]
 
     def all(self) -> list[F]:
         """All stored records, in the order of their keys."""
@@ -227,9 +254,8 @@ class Records(Generic[F]):
         Raises:
             OtherMotion: they were made with motion that differs by more than rounding.
         """
-        records: list[Any] = self.all() if abouts is None else self.stored(abouts)
-        refuse_mixed((record.provenance.digests for record in records), self.folder)
-        return records_frame(self.kind, records, self.folder)
+        keys = sorted(self.keys()) if abouts is None else map(key_of, abouts)
+        return records_frame(self.kind, self.values(keys).values(), self.folder)
 
     def run(
         self,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from companion.engine import known_motion
-from companion.engine.frame import frame_of
+from companion.engine.frame import table_of
 from companion.engine.records import Records
 from companion.engine.rows import CURVES, Failure, Row
 from companion.trials import Trial
@@ -54,7 +54,7 @@ class Results(Records[Row]):
     def frame(
         self, trials: Iterable[Trial] | None = None, curves: bool = False
     ) -> pd.DataFrame:
-        """Stored rows as a table, see `frame.frame_of`.
+        """Stored rows as a table, see `frame.table_of`.
 
         Args:
             trials: whose rows; by default all.
@@ -64,11 +64,8 @@ class Results(Records[Row]):
             OtherMotion: they were made with motion that differs by more than rounding.
         """
         keys = self.keys() if trials is None else [trial.key for trial in trials]
-        found = [self.of_key(key, curves) for key in keys]
-        rows = [row for row in found if row is not None]
-        seen = (row.provenance.digests for row in rows)
-        known_motion.refuse_mixed(seen, self.folder)
-        return frame_of(rows, self.folder, curves)
+        rows = self.values(keys, curves)
+        return table_of(rows.items(), self.folder, curves)
 
     def take_in(self, other: Results) -> int:
         """Copy rows, failures and what is known of motion from another store.

@@ -10,6 +10,7 @@ from companion.beyond.planning import Planning
 from companion.engine.frame import records_frame
 from companion.studies.driving import measure as d
 from companion.studies.driving.results import claims, rivals, scores, table
+from sidm.config import to_mapping
 from sidm.simulation import Simulator
 from tests.companion.conftest import made
 
@@ -118,7 +119,7 @@ def driven(study):
 
 
 def frame_of(found) -> pd.DataFrame:
-    return records_frame(d.DrivingResult, found)
+    return records_frame(d.DrivingResult, map(to_mapping, found))
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from companion.studies.recorded_targets.results import (
 from ownrobot.fitting.windows import grounds_of
 from ownrobot.recordings import RecordingError, read_drives, write_drives
 from sidm.body import ROVER
-from sidm.config import ConfigError, replace
+from sidm.config import ConfigError, replace, to_mapping
 from tests.companion.conftest import made, write_motion
 
 
@@ -106,7 +106,7 @@ def made_up(jobs):
                 position_error=tuple((loss / 10,) * 25 for loss in losses),
             )
             found.append(result)
-    return table(records_frame(e.TransferResult, found))
+    return table(records_frame(e.TransferResult, map(to_mapping, found)))
 
 
 def test_a_size_is_held_against_the_best_alone(made_up):

@@ -18,6 +18,7 @@ from companion.studies.several_experts.results import (
     table,
 )
 from companion.trials import Dataset
+from sidm.config import to_mapping
 from sidm.drives import STEPS
 from sidm.shards import Collection, load
 from sidm.systems import LINEAR, LOGARITHMIC, ROLES, SYSTEMS, family_robot
@@ -84,7 +85,7 @@ def made_up(jobs):
                 seconds=((60.0,) * count,) * 3,
             )
             found.append(result)
-    return records_frame(x.PretrainingResult, found)
+    return records_frame(x.PretrainingResult, map(to_mapping, found))
 
 
 def test_experts_are_compared_with_the_single_one(made_up):

@@ -9,6 +9,7 @@ from scipy import stats
 from companion.engine.frame import records_frame
 from companion.studies.uncertainty import measure as u
 from companion.studies.uncertainty.results import claims, coverage, table
+from sidm.config import to_mapping
 from tests.companion.conftest import made
 
 
@@ -38,7 +39,7 @@ def made_up(jobs):
                 position_error=(0.1,) * 25,
             )
             results.append(result)
-    return records_frame(u.FitResult, results)
+    return records_frame(u.FitResult, map(to_mapping, results))
 
 
 def test_models_are_compared_with_their_twins_seed_by_seed(made_up):
