@@ -266,7 +266,7 @@ def free_finetuning_small(book: Book) -> bool:
     RIVALS_PAGE,
     "on two recorded robots no method is clearly better than least squares",
 )
-@claim(FIRST_PAGE, "no method was clearly better than [least squares]")
+@claim(FIRST_PAGE, "no method clearly beat [least squares]")
 def recorded_unbeaten(book: Book) -> bool:
     """No method surely beats least squares on the two recorded robots."""
     tasks = {"recorded": [task.name for task in GROUPS["quick"]]}
