@@ -228,20 +228,15 @@ def completed(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
 @functools.cache
 def _defaults(cls: type) -> dict[str, Any]:
     """Field -> its default, as `to_mapping` gives it."""
-    fields = {field.name: field for field in dataclasses.fields(cls)}
-    made = {
-        name: field.default_factory()
-        for name, field in fields.items()
-        if field.default_factory is not dataclasses.MISSING
-    } | {
-        name: field.default
-        for name, field in fields.items()
-        if field.default is not dataclasses.MISSING
-    }
-    for name in _nested(cls).keys() & made.keys():  # type: ignore[arg-type]
-        if made[name] is not None:
-            made[name] = to_mapping(made[name])
-    return made
+    defaults = {}
+    for field in dataclasses.fields(cls):
+        value = field.default
+        if field.default_factory is not dataclasses.MISSING:
+            value = field.default_factory()
+        if value is not dataclasses.MISSING:
+            holds = field.name in _nested(cls) and value is not None  # type: ignore[arg-type]
+            defaults[field.name] = to_mapping(value) if holds else value
+    return defaults
 
 
 def parse_value(text: str, name: str) -> Any:

@@ -167,12 +167,8 @@ class Records(Generic[F]):
 
     def keys(self) -> list[str]:
         """The keys of all records."""
-        return [*self._whole_lines()]
-
-    def _whole_lines(self) -> dict[str, dict[str, Any]]:
-        """As `_lines`; StoreError where the file is damaged."""
         try:
-            return self._lines()
+            return [*self._lines()]
         except Damaged as error:
             raise self._damaged(error) from None
 
@@ -235,13 +231,12 @@ class Records(Generic[F]):
 
     def missing(self, abouts: Iterable[Any]) -> list[Any]:
         """What has no record of today's versions of the numbers, in its order."""
-        lines = self._whole_lines()
-        return [
-            about
-            for about in abouts
-            if (values := lines.get(key_of(about))) is None
-            or are_stale(values["provenance"]["numerics"])
-        ]
+        missing = []
+        for about in abouts:
+            values = self._read(key_of(about), completed, curves=False)
+            if values is None or are_stale(values["provenance"]["numerics"]):
+                missing.append(about)
+        return missing
 
     def all(self) -> list[F]:
         """All stored records, in the order of their keys."""

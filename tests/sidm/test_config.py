@@ -5,7 +5,14 @@ from typing import Any, Literal
 
 import pytest
 
-from sidm.config import ConfigError, config, from_mapping, to_mapping, unknown_name
+from sidm.config import (
+    ConfigError,
+    completed,
+    config,
+    from_mapping,
+    to_mapping,
+    unknown_name,
+)
 
 
 @config
@@ -29,6 +36,16 @@ class Cart:
     wheel: Wheel = Wheel()
     extra: Any = None
     spare: Wheel | None = None
+
+
+def test_stored_values_are_completed_as_an_object_would_be():
+    spare = {"length": 2.0, "spare": {"spokes": 5}}
+    for values in (spare, {"length": 2.0, "wheel": {"radius": 0.2}}):
+        assert completed(Cart, values) == to_mapping(from_mapping(Cart, values))
+    with pytest.raises(ConfigError, match="Cart.length is missing"):
+        completed(Cart, {})
+    with pytest.raises(ConfigError, match="'spoke' in Wheel; did you mean 'spokes'?"):
+        completed(Cart, {"length": 2.0, "wheel": {"spoke": 5}})
 
 
 def test_an_unknown_name_gives_the_nearest_in_one_line():

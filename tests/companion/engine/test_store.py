@@ -1,10 +1,12 @@
 """The store returns rows as they were stored and reads nothing damaged."""
 
+import pandas as pd
 import pytest
 
 from companion import Failure, Results, StoreError, Study
 from companion.__main__ import main
 from companion.engine import known_motion
+from companion.engine.frame import frame_of
 from companion.engine.known_motion import Known, OtherMotion
 from companion.engine.lines import line_of, values_of
 from companion.numerics import NUMERICS
@@ -76,6 +78,7 @@ def test_a_table_has_curves_where_it_is_asked_for_them(trials, make_row, store):
     short, whole = store.frame(trials), store.frame(trials, curves=True)
     assert "curve_samples" not in short and "validation_loss" in short
     assert whole.curve_samples.tolist() == [(100, 200, 300)]
+    pd.testing.assert_frame_equal(whole, frame_of(store.rows(trials)))
     store.curves_path.write_bytes(b"")
     assert len(store.frame(trials)) == 1
     with pytest.raises(StoreError, match="curves.gz, byte 0: .*delete the line"):
