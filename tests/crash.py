@@ -1,8 +1,8 @@
 """Kill a collection and a study of small trials with SIGKILL at random moments.
 
-`make crash` runs this script. Files that were finished before a kill must not change, a
-reader must never find half a file, and in the end everything must equal, bit for bit,
-the files of an undisturbed run.
+`make crash` runs this script. Files and lines that were finished before a kill must not
+change, a reader must never find half of one, and in the end everything must equal, bit
+for bit, the files of an undisturbed run.
 """
 
 from __future__ import annotations
@@ -76,12 +76,20 @@ def kill_at(words: list[str], moment: float, whole_group: bool) -> bool:
         return True
 
 
-def stamps(folder: Path, pattern: str) -> dict[Path, tuple[int, int]]:
-    """Inode and time of every finished file; they change when it is written again."""
-    return {
-        path: (path.stat().st_ino, path.stat().st_mtime_ns)
-        for path in folder.rglob(pattern)
-    }
+def finished(folder: Path, pattern: str) -> dict[tuple[Path, int], object]:
+    """What changes when a finished file, or a finished line of a file, is written again.
+
+    Of a file of lines: every whole line, which has its date in it. Of any other file:
+    its inode and time.
+    """
+    stamps: dict[tuple[Path, int], object] = {}
+    for path in folder.rglob(pattern):
+        if path.suffix == ".jsonl":
+            lines = path.read_bytes().split(b"\n")[:-1]
+            stamps |= {(path, number): line for number, line in enumerate(lines)}
+        else:
+            stamps[path, 0] = path.stat().st_ino, path.stat().st_mtime_ns
+    return stamps
 
 
 @contextmanager
@@ -94,13 +102,14 @@ def reader(
 
     def go_on() -> None:
         while not done.wait(0.02):
-            for path in folder.rglob(pattern):
-                try:
-                    read(path)
-                except FileNotFoundError:
-                    pass  # the folder was emptied for another run
-                except Damaged as error:
-                    wrong.append(f"{path}: {error}")
+            try:
+                for path in folder.rglob(pattern):
+                    try:
+                        read(path)
+                    except Damaged as error:
+                        wrong.append(f"{path}: {error}")
+            except FileNotFoundError:
+                pass  # the folder was emptied for another run
 
     thread = threading.Thread(target=go_on)
     thread.start()
@@ -126,10 +135,10 @@ class Stage:
 def torture(stage: Stage, kills: int, chance: random.Random) -> int:
     """Kill a command `kills` times at work, and begin anew whenever it has ended.
 
-    Returns how often it ended. AssertionError tells that a finished file was written
-    again, half a file was read, or the final files differ.
+    Returns how often it ended. AssertionError tells that a finished file or line was
+    written again, half of one was read, or the final files differ.
     """
-    met, ends, known = 0, 0, stamps(stage.folder, stage.pattern)
+    met, ends, known = 0, 0, finished(stage.folder, stage.pattern)
     with reader(stage.folder, stage.pattern, stage.read) as wrong:
         while True:
             if met < kills:
@@ -138,9 +147,9 @@ def torture(stage: Stage, kills: int, chance: random.Random) -> int:
             else:
                 finish(stage.words)
                 killed = False
-            now = stamps(stage.folder, stage.pattern)
-            assert all(now.get(path) == stamp for path, stamp in known.items()), (
-                "a finished file was written again"
+            now = finished(stage.folder, stage.pattern)
+            assert all(now.get(part) == stamp for part, stamp in known.items()), (
+                "a finished file or line was written again"
             )
             known, met = now, met + killed
             if not killed:
