@@ -77,7 +77,7 @@ def kill_at(words: list[str], moment: float, whole_group: bool) -> bool:
 
 
 def finished(folder: Path, pattern: str) -> dict[tuple[Path, int], object]:
-    """What changes when a finished file, or a finished line of a file, is written again.
+    """What changes when a finished file, or a finished line, is written again.
 
     Of a file of lines: every whole line, which has its date in it. Of any other file:
     its inode and time.
