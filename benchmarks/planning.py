@@ -14,7 +14,7 @@ import time
 import numpy as np
 import torch
 
-from companion.beyond.planning import ModelImagination, Planner, Planning
+from companion.extensions.planning import ModelImagination, Planner, Planning
 from companion.presets import load_preset
 from sidm.learning import DynamicsModel
 from sidm.systems import SYSTEMS

@@ -8,7 +8,7 @@ raised. Code that is moved, renamed or reworded changes no number and so no vers
 from __future__ import annotations
 
 #: Kind of work -> version of its numbers.
-NUMERICS: dict[str, int] = {
+RESULT_VERSIONS: dict[str, int] = {
     "simulation": 1,  # from a Collection to its trajectories
     "free_struts": 2,  # simulation of robots whose struts no motor brakes
     # from trajectories to an Outcome: maps, networks, Algorithms 1 and 2, evaluation
@@ -46,10 +46,10 @@ def versions(kind: str) -> dict[str, int]:
     """Today's versions of a kind of work and of the kinds that it depends on.
 
     Args:
-        kind: a key of NUMERICS.
+        kind: a key of RESULT_VERSIONS.
     """
     needed = (*_DEPENDS_ON.get(kind, ("simulation", "training")), kind)
-    return {name: NUMERICS[name] for name in needed}
+    return {name: RESULT_VERSIONS[name] for name in needed}
 
 
 def version_label(kind: str) -> str:

@@ -87,7 +87,7 @@ class Measurement(NamedTuple):
 
     module: str
     file: str  # path below the results folder
-    kind: str = ""  # key of numerics.NUMERICS; '': the file is never stale
+    kind: str = ""  # key of numerics.RESULT_VERSIONS; '': the file is never stale
 
     def run(self, study: Study, pair: str | None, workers: int) -> int:
         """Measure, and write the file, where it lacks or is stale."""
@@ -168,12 +168,12 @@ STUDIES = {
 }
 
 MEASUREMENTS = {
-    "gap": Measurement("studies.gap", "gap.json", "free_struts"),
-    "overlap": Measurement("studies.overlap", "overlap.json", "simulation"),
+    "gap": Measurement("studies.simulated_gap", "gap.json", "free_struts"),
+    "overlap": Measurement("studies.nearest_neighbours", "overlap.json", "simulation"),
     "untrained-latents": Measurement(
         "studies.latent_space.untrained", "untrained_latents.json", "diagnosis"
     ),
-    "payoff": Measurement("studies.payoff", "payoff.json", "free_struts"),
+    "payoff": Measurement("studies.when_it_pays", "payoff.json", "free_struts"),
     "tree-search": Measurement("studies.tree_search", "tree_search.json", "fitting"),
     "throughput": Measurement("studies.throughput", "pace.json"),
     "coverage": Measurement("statistics.coverage", "coverage.json"),

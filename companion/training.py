@@ -70,13 +70,13 @@ class StudyTraining(Training):
 
     def hooks(self) -> tuple[Any, ...]:
         """The hooks that these settings add to the training loop."""
-        from companion.beyond.matching import (
+        from companion.extensions.matching import (
             DISTANCES,
             DistanceMatching,
             GradientReversal,
         )
-        from companion.beyond.mirror import Mirroring
-        from companion.beyond.weight_hooks import PullToStart, WeightAverage
+        from companion.extensions.mirror import Mirroring
+        from companion.extensions.weight_hooks import PullToStart, WeightAverage
 
         hooks: list[Any] = []
         if self.regularise and self.matching == "reversal":

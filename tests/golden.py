@@ -52,8 +52,8 @@ class Golden:
             error = np.abs(np.subtract(value, wanted))
             assert not (error > abs + rel * np.abs(wanted)).any(), (
                 f"{name}: {figure} is {value}, stored is {wanted}; if it is meant "
-                f"to change, raise NUMERICS['{kind}'] in companion/numerics.py and run "
-                "'make golden'"
+                f"to change, raise RESULT_VERSIONS['{kind}'] in "
+                "companion/numerics.py and run 'make golden'"
             )
 
     def _put(

@@ -75,7 +75,7 @@ CHANGES = (
         "sidm",
     ),
     Planted(
-        "companion/beyond/matching.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", PARTS
+        "companion/extensions/matching.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", PARTS
     ),
     Planted(
         "sidm/learning/training.py",
@@ -113,7 +113,7 @@ CHANGES = (
         "latent",
     ),
     Planted(
-        "companion/beyond/planning.py",
+        "companion/extensions/planning.py",
         "costs.argsort(stable=True)",
         "costs.argsort(stable=True, descending=True)",
         STUDIES,

@@ -27,7 +27,7 @@ CORE = [
     "sidm/test_shards.py",
     "ownrobot/methods",
     "companion/bundle",
-    "companion/beyond",
+    "companion/extensions",
 ]
 #: levels of x86 processors, as PyTorch calls them; the lowest has SSE
 LEVELS = ["DEFAULT", "AVX2", "AVX512"]

@@ -10,12 +10,12 @@ from pathlib import Path
 import torch
 
 from companion.bundle import FIXED, SHARED, Run, train_bundle
-from companion.engine import provenance
 from companion.engine.datasets import digests_of
 from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import network_of, pretrained_folder, transferred
+from companion.engine.provenance import record_provenance, source
 from companion.engine.rows import Failure, Outcome, Row
 from companion.trials import Trial
 from ownrobot.methods import fine_tuning
@@ -93,7 +93,7 @@ def run_bundle(
         A trial and what is stored of it: its outcome is that of `execute.perform` but
         for rounding; or the error of a trial that failed, while the others go on.
     """
-    provenance.source()  # as the work begins
+    source()  # as the work begins
     library = Library(data)
 
     def record(
@@ -101,7 +101,7 @@ def run_bundle(
     ) -> Row | Failure:
         threads = torch.get_num_threads()
         seen = digests_of(trial, library.data)
-        made = provenance.here(
+        made = record_provenance(
             seconds, threads, resumed, device, bundle=slots, digests=seen
         )
         return stored_as(trial, result, made)

@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from companion.beyond.mirror import mirror_image
-from companion.engine import provenance
 from companion.engine.datasets import digests_of
 from companion.engine.library import Library
 from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import start_of
-from companion.engine.provenance import THREADS, Provenance
+from companion.engine.provenance import THREADS, Provenance, record_provenance, source
 from companion.engine.rows import Failure, Outcome, Row
+from companion.extensions.mirror import mirror_image
 from companion.numerics import version_label, versions
 from companion.trials import Trial
 from ownrobot.methods.fine_tuning import Pretrained, frozen_model
@@ -120,7 +119,7 @@ def run_trial(
     device: str = "cpu",
 ) -> Row | Failure:
     """Run a trial and return its row, or its failure, with the provenance."""
-    provenance.source()  # as the work begins
+    source()  # as the work begins
     resumed = checkpoint is not None and checkpoint.exists()
     begun = time.perf_counter()
     result: Outcome | TrainingError
@@ -128,7 +127,7 @@ def run_trial(
         result, _ = perform(trial, data, checkpoint, progress, device)
     except TrainingError as error:
         result = error
-    made = provenance.here(
+    made = record_provenance(
         time.perf_counter() - begun,
         THREADS,
         resumed,

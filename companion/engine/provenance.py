@@ -15,7 +15,7 @@ from pathlib import Path
 import companion
 import ownrobot
 import sidm
-from companion.numerics import NUMERICS, versions
+from companion.numerics import RESULT_VERSIONS, versions
 from sidm.config import config
 from sidm.versions import library_versions, source_digest
 
@@ -81,7 +81,9 @@ class Provenance:
 
 def are_stale(numerics: Mapping[str, int]) -> bool:
     """Whether one of these versions of numbers is not today's."""
-    return any(NUMERICS.get(kind) != version for kind, version in numerics.items())
+    return any(
+        RESULT_VERSIONS.get(kind) != version for kind, version in numerics.items()
+    )
 
 
 def source() -> str:
@@ -110,7 +112,7 @@ def device_name(device: str) -> str:
     return torch.cuda.get_device_name(device) if device.startswith("cuda") else device
 
 
-def here(
+def record_provenance(
     seconds: float,
     threads: int,
     resumed: bool = False,

@@ -21,7 +21,13 @@ from companion.engine.datasets import digests_of
 from companion.engine.frame import records_frame
 from companion.engine.known_motion import refuse_mixed
 from companion.engine.lines import append, line_of, read_lines, write_lines
-from companion.engine.provenance import THREADS, Provenance, are_stale, here, source
+from companion.engine.provenance import (
+    THREADS,
+    Provenance,
+    are_stale,
+    record_provenance,
+    source,
+)
 from companion.trials import key_of_values, without_later
 from sidm.config import (
     ConfigError,
@@ -305,4 +311,4 @@ class ProvenanceTimer:
     def done(self) -> Provenance:
         """The provenance of the record; call it when the work is done."""
         seconds = time.perf_counter() - self.begun
-        return here(seconds, THREADS, kind=self.kind, digests=self.digests)
+        return record_provenance(seconds, THREADS, kind=self.kind, digests=self.digests)

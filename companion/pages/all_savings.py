@@ -22,7 +22,7 @@ from companion.statistics.efficiency import NO_VALUE
 from companion.statistics.stopping_rules import RULES
 from companion.studies import tuning
 from companion.studies.decisive import verdicts
-from companion.studies.decisive.along import RECIPE_LABELS
+from companion.studies.decisive.length_curves import RECIPE_LABELS
 from companion.studies.decisive.recipes import on_fresh_motion
 from companion.study import Study
 from sidm.systems import FREE_STRUTS, PAPER_SYSTEMS

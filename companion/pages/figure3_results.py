@@ -21,7 +21,7 @@ from companion.statistics.savings import ratio_texts, savings, texts_at
 from companion.statistics.tables import loss_summary, wide
 from companion.studies import tuning
 from companion.studies.decisive import (
-    along,
+    length_curves,
     search,
     stopping_charts,
     stopping_point,
@@ -120,7 +120,7 @@ class Figure3:
     @functools.cached_property
     def along(self) -> pd.DataFrame:
         """What an SIDM saves along the training of recipes R and T."""
-        return along.along_training(self.long_trained)
+        return length_curves.along_training(self.long_trained)
 
     @functools.cached_property
     def saved(self) -> pd.DataFrame:
@@ -140,7 +140,7 @@ class Figure3:
         """
         trained = self.searched[self.searched.method != CLOSED_FORM]
         numbers = stopping_point.contents(self.long_trained, trained, self.along)
-        still = along.figure(self.along, systems)
+        still = length_curves.figure(self.along, systems)
         return stopping_charts.html(numbers, still, STOPPING, names)
 
     def losses_table(self) -> pd.DataFrame:
@@ -217,7 +217,7 @@ def long_numbers(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
         name: verdicts.sidm_saving(frame, *where) for name, where in SAVINGS.items()
     }
     for name, (system, sizes) in CAPPED.items():
-        ratios[name] = along.ratio_at_best(frame, system, sizes)
+        ratios[name] = length_curves.ratio_at_best(frame, system, sizes)
     yield from ((name, _text(ratio, 2)) for name, ratio in ratios.items())
     tuned = frame[(frame.recipe == "T") & (frame.system == "system1")]
     losses = verdicts.losses_by(tuned, END)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from companion.engine.provenance import here
+from companion.engine.provenance import record_provenance
 from companion.engine.store import Results
 from companion.figures.style import system_label
 from companion.trials import Trial
@@ -130,7 +130,7 @@ def made_here(command: str, kind: str = "training") -> str:
 
     `kind` of work is a name in `companion.numerics`.
     """
-    origin = here(0.0, 1, kind=kind)
+    origin = record_provenance(0.0, 1, kind=kind)
     return _folded(
         f"Made by this page; {origin.date[:10]}; "
         f"code {origin.version} ({origin.source}); {origin.device}; "

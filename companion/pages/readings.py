@@ -23,7 +23,7 @@ from companion.statistics.pairs import paired_comparison
 from companion.statistics.tables import wide
 from companion.studies import ablations
 from companion.studies.decisive import verdicts
-from companion.studies.decisive.along import RECIPE_LABELS
+from companion.studies.decisive.length_curves import RECIPE_LABELS
 from companion.studies.latent_space import measure
 from companion.studies.reproduction import with_repeats
 from companion.study import Study

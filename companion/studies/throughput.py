@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from companion.engine.provenance import THREADS, here
+from companion.engine.provenance import THREADS, record_provenance
 from companion.engine.records import read_or_empty
 from companion.methods import BASELINES, FIGURE3, METHODS
 from companion.study import Study
@@ -81,7 +81,7 @@ def measure(
     for _ in range(rounds):
         for name, trial in trials.items():
             times[name].append(float(f"{time_training(trial, study.data):.6g}"))
-    made = here(time.perf_counter() - start, THREADS, resumed=False)
+    made = record_provenance(time.perf_counter() - start, THREADS, resumed=False)
     names = ("source", "python", "torch", "device", "threads", "date")
     provenance = {name: getattr(made, name) for name in names}
     record = {"preset": study.preset.name, "seconds": times, "beside": beside}

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import torch
 
-from companion.engine.provenance import Provenance, here, peak_memory
+from companion.engine.provenance import Provenance, peak_memory, record_provenance
 from companion.tasks.catalogue import Task, load_task
 from companion.tasks.evaluation import Refused, evaluate
 from companion.tasks.methods import load_method
@@ -110,12 +110,14 @@ def run_trial(
                 values = json.loads(out.read_text())
         except subprocess.TimeoutExpired:
             pass
-    made = here(time.perf_counter() - started, 1, kind=kind_of(about.method))
+    made = record_provenance(
+        time.perf_counter() - started, 1, kind=kind_of(about.method)
+    )
     return from_mapping(EntryResult, {"about": about, "provenance": made} | values)
 
 
 def kind_of(method: str) -> str:
-    """The kind of work of a method's trial, a key of `numerics.NUMERICS`."""
+    """The kind of work of a method's trial, a key of `numerics.RESULT_VERSIONS`."""
     known = METHODS.get(method)
     fit = "" if known is None else known.fit
     return fit if fit in ("trees", "gaussian_process") else "benchmark"

@@ -137,7 +137,9 @@ def _model_and_drives(arguments: argparse.Namespace) -> tuple[Model, list[Drive]
 
     reading = {"topics": arguments.topics, "skip_bad": arguments.skip_bad}
     model = load(arguments.model)
-    return model, read_drives(arguments.drives, model.body, held=True, **reading)
+    return model, read_drives(
+        arguments.drives, model.body, allow_constant=True, **reading
+    )
 
 
 def run_evaluate(arguments: argparse.Namespace) -> int:

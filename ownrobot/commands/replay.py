@@ -78,7 +78,7 @@ def _scene(arguments: argparse.Namespace) -> Any:
         body = read_body(arguments.body)
     shape = arguments.shape or ("rover" if body == ROVER else "husky")
     robot = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
-    drives = read_drives(path, body, held=True)
+    drives = read_drives(path, body, allow_constant=True)
     if not 0 <= arguments.drive < len(drives):
         raise ConfigError(
             f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"

@@ -162,16 +162,16 @@ def refuse_other_turning(drives: Sequence[tuple[np.ndarray, float]]) -> None:
 
 
 def faults_together(
-    name: str, drives: Sequence[Drive], body: Body, held: bool = False
+    name: str, drives: Sequence[Drive], body: Body, allow_constant: bool = False
 ) -> list[str]:
     """What only all drives of a robot show together, one line each.
 
-    A column never changes, unless that is accepted (`held`); a rate or a velocity
+    A column never changes, unless `allow_constant` accepts that; a rate or a velocity
     differs from the poses; or, with a twist, the steering has the wrong sign.
     """
     faults = [
         f"'{column}' never changes; mend it, or leave it out of the body"
-        for column in ([] if held else constant_columns(drives, body))
+        for column in ([] if allow_constant else constant_columns(drives, body))
     ]
     if not has_twist(body):
         faults += _other_rate(drives, body)

@@ -35,7 +35,7 @@ def read_drives(
     path: str | Path | Sequence[str | Path] | pd.DataFrame,
     body: Body | str | Path | Mapping[str, Any],
     topics: Sequence[str] = (),
-    held: bool = False,
+    allow_constant: bool = False,
     skip_bad: bool = False,
 ) -> list[Drive]:
     """Read the drives of a file or a ROS bag, of all files of a folder, or of a table.
@@ -48,8 +48,8 @@ def read_drives(
             there are several drives.
         body: the robot's body, its YAML file, or the mapping in such a file.
         topics: names of the topics to read from bags; all unless given.
-        held: whether to accept a column that never changes. A model can be tried with
-            such drives, but cannot learn from them.
+        allow_constant: whether to accept a column that never changes. A model can be
+            tried with such drives, but cannot learn from them.
         skip_bad: whether faulty drives and files are left out. Each is told by a
             `RecordingWarning`, as are pauses and what else may surprise.
 
@@ -78,7 +78,7 @@ def read_drives(
     findings.warn()
     if not drives:
         raise RecordingError(findings.faults[0])
-    for fault in frames.faults_together(where, drives, body, held):
+    for fault in frames.faults_together(where, drives, body, allow_constant):
         raise RecordingError(fault)
     return drives
 

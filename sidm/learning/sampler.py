@@ -29,11 +29,11 @@ class Sampler:
     """Draws the batches of one training.
 
     Attributes:
-        one_curve: whether the learning curve has the losses of all systems; otherwise
-            it has the novice's.
+        pool_curve_over_systems: whether the learning curve has the losses of all
+            systems; otherwise it has the novice's.
     """
 
-    one_curve = False
+    pool_curve_over_systems = False
 
     def __init__(
         self,

@@ -228,7 +228,7 @@ class Trainer:
 
     def record_losses(self, losses: Mapping[str, Tensor]) -> None:
         """Count an iteration of prediction, with a loss (B, T) per sample by system."""
-        if self.sampler.one_curve:
+        if self.sampler.pool_curve_over_systems:
             losses = {"novice": torch.cat(list(losses.values()))}
         self.count_samples({role: loss.numel() for role, loss in losses.items()})
         for role, loss in losses.items():

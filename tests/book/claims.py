@@ -27,8 +27,8 @@ from companion.studies import (
     tuning,
     variants,
 )
-from companion.studies.decisive import along, verdicts
-from companion.studies.decisive.along import along_training
+from companion.studies.decisive import length_curves, verdicts
+from companion.studies.decisive.length_curves import along_training
 from companion.studies.driving import measure as driving
 from companion.studies.driving import results as driven
 from companion.studies.latent_space import measure as latents
@@ -211,7 +211,7 @@ def finetuning_far_ahead(book: Book) -> bool:
 )
 def never_ended(book: Book) -> bool:
     """The released rule ended no rival from 20 minutes on, all with less."""
-    ended = along.ended_by_rule(book.decisive).query("method == 'novice_only'")
+    ended = length_curves.ended_by_rule(book.decisive).query("method == 'novice_only'")
     many = ended.novice_minutes >= 20
     return ended[many].ended.sum() == 0 and ended[~many].ended.min() == 5
 

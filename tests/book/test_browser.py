@@ -20,7 +20,7 @@ from companion.explorer.comparison import ROWS, robots_in_words, value_text
 from companion.figures.style import system_label
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import verdicts
-from companion.studies.decisive.along import along_training
+from companion.studies.decisive.length_curves import along_training
 from ownrobot.comparison.statistics import Interval
 from ownrobot.replay import ROBOTS
 

@@ -11,7 +11,7 @@ import pytest
 
 from companion import Outcome, Row, Study, Trial, load_preset
 from companion.engine.frame import frame_of
-from companion.engine.provenance import here
+from companion.engine.provenance import record_provenance
 from ownrobot.recordings import write_drives
 from sidm.body import ROVER
 from sidm.drives import STEPS, Drive, Ground, SimulatedGround, probe
@@ -134,7 +134,7 @@ def make_row():
         return Row(
             trial=trial,
             outcome=outcome,
-            provenance=here(seconds=12.0, threads=1, resumed=False),
+            provenance=record_provenance(seconds=12.0, threads=1, resumed=False),
         )
 
     return make
@@ -147,7 +147,7 @@ def made(kind, about, **values):
         for name, hint in get_type_hints(kind).items()
     }
     return kind(
-        **(nothing | values | {"about": about, "provenance": here(1.0, 1, False)})
+        **(nothing | values | {"about": about, "provenance": record_provenance(1.0, 1, False)})
     )
 
 

@@ -22,12 +22,12 @@ def test_figures_are_held_and_written_over_where_a_version_was_raised(
 
     hold(0.123, write=True)
     hold(0.124, rel=0.01)
-    words = r"one: loss is 0.2.*raise NUMERICS\['training'\] .* 'make golden'"
+    words = r"one: loss is 0.2.*raise RESULT_VERSIONS\['training'\] .* 'make golden'"
     for write in (False, True):
         with pytest.raises(AssertionError, match=words):
             hold(0.2, write=write)
     assert hold(0.123)["figures"]["loss"] == 0.123
-    monkeypatch.setitem(numerics.NUMERICS, "training", 2)
+    monkeypatch.setitem(numerics.RESULT_VERSIONS, "training", 2)
     with pytest.raises(AssertionError, match="'make golden' writes it"):
         hold(0.2)
     assert hold(0.2, write=True) == {
@@ -39,4 +39,4 @@ def test_figures_are_held_and_written_over_where_a_version_was_raised(
 def test_every_kind_of_work_has_golden_figures():
     stored = Golden(FILE, write=False).stored.values()
     kinds = {kind for record in stored for kind in record["numerics"]}
-    assert kinds == set(numerics.NUMERICS)
+    assert kinds == set(numerics.RESULT_VERSIONS)

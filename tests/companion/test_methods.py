@@ -4,7 +4,7 @@ import pytest
 
 from companion import METHODS, perform, run_trial
 from companion.engine.execute import stored_as
-from companion.numerics import NUMERICS, versions
+from companion.numerics import RESULT_VERSIONS, versions
 from ownrobot.methods.least_squares import LeastSquares
 from ownrobot.methods.residual import Corrected
 
@@ -52,7 +52,7 @@ def test_a_row_depends_on_how_its_trial_is_solved_and_simulated(trial, data, mak
         run_trial(trial(method), data).provenance
         for method in ("least_squares", "expert_only")
     )
-    version = {"least_squares": NUMERICS["least_squares"]}
+    version = {"least_squares": RESULT_VERSIONS["least_squares"]}
     assert solved.numerics == trained.numerics | version
     assert not solved.stale and not trained.stale
     row = make_row(trial("sidm"))

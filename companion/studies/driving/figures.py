@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.beyond.drivers import ARRIVED
+from companion.extensions.drivers import ARRIVED
 from companion.figures.animation import film
 from companion.figures.style import (
     METHOD_STYLES,

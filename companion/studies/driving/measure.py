@@ -15,13 +15,13 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from companion.beyond.drivers import Driver, drive_episode
-from companion.beyond.planning import ModelImagination, Planner, Planning
 from companion.engine.execute import predictor_of
 from companion.engine.library import Library
 from companion.engine.outcomes import evaluate
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
+from companion.extensions.drivers import Driver, drive_episode
+from companion.extensions.planning import ModelImagination, Planner, Planning
 from companion.methods import COMPARED
 from companion.study import Study
 from companion.trials import Trial

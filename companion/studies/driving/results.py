@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pandas as pd
 
-from companion.beyond.drivers import ARRIVED
 from companion.engine.frame import of_trials
+from companion.extensions.drivers import ARRIVED
 from companion.figures.style import METHOD_LABELS
 from companion.methods import COMPARED
 from companion.statistics.claims import COLUMNS, claim_rows

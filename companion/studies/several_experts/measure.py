@@ -16,18 +16,18 @@ from typing import Any
 
 from torch import Tensor
 
-from companion.beyond.several import (
-    expert_as_novice,
-    fresh_novice,
-    nearest_expert,
-    several_trainer,
-)
 from companion.engine.datasets import digests_of
 from companion.engine.library import Library, dataset_windows
 from companion.engine.outcomes import as_lists, curve, evaluate
 from companion.engine.pretrained import settings_of, weights_folder
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
+from companion.extensions.several import (
+    expert_as_novice,
+    fresh_novice,
+    nearest_expert,
+    several_trainer,
+)
 from companion.methods import FINER_TESTS, METHODS
 from companion.studies.several_experts.family import dataset, robots
 from companion.study import Study

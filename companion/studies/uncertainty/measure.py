@@ -15,14 +15,19 @@ from typing import Any
 import numpy as np
 import torch
 
-from companion.beyond.distributions import (
+from companion.engine.execute import model_of
+from companion.engine.library import Library
+from companion.engine.outcomes import ROLLOUT_STEPS, as_lists, curve, evaluate
+from companion.engine.provenance import Provenance
+from companion.engine.records import ProvenanceTimer, records_of
+from companion.extensions.distributions import (
     MIN_LOG_STD,
     ConstantSpread,
     DistributionModel,
     StochasticPredictor,
 )
-from companion.beyond.likelihood import train_distributions
-from companion.beyond.particles import (
+from companion.extensions.likelihood import train_distributions
+from companion.extensions.particles import (
     DRAWS,
     LEVELS,
     PathCoverage,
@@ -30,11 +35,6 @@ from companion.beyond.particles import (
     particle_rollout,
     path_coverage,
 )
-from companion.engine.execute import model_of
-from companion.engine.library import Library
-from companion.engine.outcomes import ROLLOUT_STEPS, as_lists, curve, evaluate
-from companion.engine.provenance import Provenance
-from companion.engine.records import ProvenanceTimer, records_of
 from companion.methods import COMPARED
 from companion.study import Study
 from companion.trials import Trial
@@ -87,7 +87,7 @@ class FitResult:
     component_losses: tuple[float, ...]  # (13,) components of the validation loss
     nll: float  # nats a step, of the mixture over samples of the latents
     nll_at_means: float  # nats a step, with the latents at their means
-    #: QUANTILES of `companion.beyond.particles`, of single steps' mixtures
+    #: QUANTILES of `companion.extensions.particles`, of single steps' mixtures
     nll_quantiles: tuple[float, ...]
     component_nll: tuple[float, ...]  # (13,) of each component alone
     #: (13,) mean standard deviation given the latents, raw units

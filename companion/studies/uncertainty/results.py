@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.beyond.particles import LEVELS, QUANTILES
 from companion.engine.frame import of_trials
+from companion.extensions.particles import LEVELS, QUANTILES
 from companion.figures.style import (
     LOSS_BY_SIZE,
     METHOD_LABELS,

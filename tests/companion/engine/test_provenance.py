@@ -10,7 +10,7 @@ from sidm import versions
 
 
 def test_every_library_that_decides_numbers_is_named(monkeypatch):
-    made = provenance.here(1.0, 1)
+    made = provenance.record_provenance(1.0, 1)
     for name in ("torch", "numpy", "scipy", "numba", "scikit_learn"):
         assert getattr(made, name) == importlib.metadata.version(name)
     monkeypatch.setattr(versions, "LIBRARIES", ("numpy", "no-such-package"))

@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from companion import Study, grid
-from companion.engine.provenance import Provenance, here
+from companion.engine.provenance import Provenance, record_provenance
 from companion.engine.records import ProvenanceTimer, Records, key_of
-from companion.numerics import NUMERICS, versions
+from companion.numerics import RESULT_VERSIONS, versions
 from companion.registry import MEASUREMENTS, NAMES, STUDIES, find
 from sidm.config import ConfigError, config
 from sidm.storage import write_record
@@ -35,7 +35,7 @@ def answer(question: Question) -> Answer:
     if question.minutes < 0:
         raise ValueError("less than nothing")
     value = float("nan") if question.minutes > 100 else question.minutes / 3
-    return Answer(about=question, value=value, provenance=here(1.0, 1, False))
+    return Answer(about=question, value=value, provenance=record_provenance(1.0, 1, False))
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_a_record_of_older_versions_is_made_again(store, monkeypatch):
     """The old record counts as missing, and stays until the new one is there."""
     question = Question(minutes=3.0)
     store.put(answer(question))
-    monkeypatch.setitem(NUMERICS, "training", NUMERICS["training"] + 1)
+    monkeypatch.setitem(RESULT_VERSIONS, "training", RESULT_VERSIONS["training"] + 1)
     assert store.missing([question]) == [question] and store.get(question)
     answers(store, [question])
     assert store.missing([question]) == []
@@ -124,7 +124,9 @@ def test_nothing_that_is_stored_is_stale(name):
 
 def test_a_measurement_is_made_where_it_lacks_or_is_stale(tmp_path, monkeypatch):
     made = []
-    monkeypatch.setattr("companion.studies.gap.make", lambda *_: made.append("gap"))
+    monkeypatch.setattr(
+        "companion.studies.simulated_gap.make", lambda *_: made.append("gap")
+    )
     gap, study = MEASUREMENTS["gap"], Study("smoke", tmp_path, tmp_path)
     assert gap.overview(study, None)[1] == 1
     assert gap.run(study, None, 1) == 0 and len(made) == 1

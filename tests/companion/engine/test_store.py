@@ -9,7 +9,7 @@ from companion.engine import known_motion
 from companion.engine.frame import frame_of
 from companion.engine.known_motion import Known, OtherMotion
 from companion.engine.lines import line_of, values_of
-from companion.numerics import NUMERICS
+from companion.numerics import RESULT_VERSIONS
 from sidm.config import replace
 from sidm.systems import FREE_SYSTEMS
 from tests.companion.conftest import RESULTS
@@ -97,7 +97,10 @@ def test_rows_of_different_motion_make_no_table(trials, row_of, store, tmp_path)
 
 @pytest.mark.parametrize(
     "numerics",
-    [{"training": 0}, {"simulation": NUMERICS["simulation"], "a kind that was": 1}],
+    [
+        {"training": 0},
+        {"simulation": RESULT_VERSIONS["simulation"], "a kind that was": 1},
+    ],
 )
 def test_rows_of_other_versions_are_stale(trials, row_of, store, numerics):
     """A row of today's versions counts, whatever files made it; an older one lacks."""

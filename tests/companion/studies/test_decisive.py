@@ -24,10 +24,10 @@ from companion.statistics.intervals import mean_ratio, p_values
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import (
     ablated,
-    along,
     design,
     figure4,
     further,
+    length_curves,
     search,
     stopping_charts,
     stopping_point,
@@ -216,14 +216,14 @@ def test_the_page_has_the_published_numbers(make_results):
     worth = {(recipe, "sidm"): 4.0 for recipe in RECIPES}
     results = make_results(power(worth), power({}, level=0.5))
     draws = results[(results.recipe == "T") & (results.system == "system1")]
-    saved = along.along_training(results)
+    saved = length_curves.along_training(results)
     draws = draws.assign(seed=draws.seed + 1000)
     contents = stopping_point.contents(results, draws, saved)
     points = saved[(saved.recipe == "R") & (saved.quantity == "data")]
     points = points[points.system == "system1"].set_index("rule")
     assert points.value["released"] == pytest.approx(4, rel=0.1)
     assert points.value["end"] == pytest.approx(1, rel=0.1)
-    assert all(axes.lines for axes in along.figure(saved).axes)
+    assert all(axes.lines for axes in length_curves.figure(saved).axes)
     judged = verdicts.verdicts(results)
     recipe = next(one for one in contents["recipes"] if one["id"] == "R-system1")
     chosen = results[(results.recipe == "R") & (results.system == "system1")]
@@ -236,7 +236,7 @@ def test_the_page_has_the_published_numbers(make_results):
         losses = verdicts.losses_by(chosen, rule).loss
         kept = [loss for loss, _, _ in recipe["rules"][rule]["kept"]]
         assert kept == pytest.approx(losses.tolist(), abs=1e-4)
-    after = along.losses_after(chosen, contents["lengths"])
+    after = length_curves.losses_after(chosen, contents["lengths"])
     for place, length in enumerate(contents["lengths"]):
         kept = [unpacked(one["kept"])[place] for one in recipe["trainings"]]
         assert kept == pytest.approx(after[length].loss.tolist(), abs=1e-4)
@@ -260,7 +260,7 @@ def test_too_few_seeds_have_no_verdict(make_results):
     assert set(table.says) == {NO_VERDICT} and set(table.seeds) == {2}
     none = make_results(power({}), power({}), seeds=())
     assert not verdicts.verdicts(none).seeds.any()
-    contents = stopping_point.contents(none, none, along.along_training(none))
+    contents = stopping_point.contents(none, none, length_curves.along_training(none))
     assert contents["recipes"] == contents["lengths"] == contents["search"] == []
     charts = stopping_charts.charts(contents["methods"])
     assert {*charts} == {"losses", "figure3", "saving", "search"}
@@ -394,11 +394,11 @@ def test_the_rivals_best_seed_lowers_the_ratio(study, put):
     # results of one recipe alone have the types that figures compute with
     frame = verdicts.results(study, Results(study.results))
     assert frame.validation_loss.dtype == float and set(frame.recipe) == {"R"}
-    plain = along.ratio_at_best(frame, "system1", ())
-    best = along.ratio_at_best(frame, "system1", ALONE_SIZES[2:])
+    plain = length_curves.ratio_at_best(frame, "system1", ())
+    best = length_curves.ratio_at_best(frame, "system1", ALONE_SIZES[2:])
     assert plain.value == pytest.approx(4, rel=0.15)
     assert best.value == pytest.approx(2.9, rel=0.05)
-    counted = along.ended_by_rule(frame)
+    counted = length_curves.ended_by_rule(frame)
     assert counted.trainings.eq(5).all() and counted.ended.isin([0, 5]).all()
 
 

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 import torch
 
-from companion.beyond.drivers import Driver, drive_episode, simulate_sequences
-from companion.beyond.planning import Planning
 from companion.engine.frame import records_frame
+from companion.extensions.drivers import Driver, drive_episode, simulate_sequences
+from companion.extensions.planning import Planning
 from companion.studies.driving import measure as d
 from companion.studies.driving.results import claims, rivals, scores, table
 from sidm.config import to_mapping

@@ -8,9 +8,9 @@ import pytest
 
 from companion import Study
 from companion.numerics import versions
-from companion.studies import gap, overlap, payoff
-from companion.studies.payoff import Group, PlanarMotion
+from companion.studies import nearest_neighbours, simulated_gap, when_it_pays
 from companion.studies.several_experts import results as family_results
+from companion.studies.when_it_pays import Group, PlanarMotion
 from sidm.storage import read_record, write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from tests.companion.conftest import RESULTS
@@ -24,7 +24,7 @@ def test_components_are_told_in_the_frame_of_the_start():
         states[number, 5:7] = np.sin((yaw + turn) / 2), np.cos((yaw + turn) / 2)
     states[1:, :2] = np.array([np.cos(yaw), np.sin(yaw)])
     states[2, 2], states[:, 7] = 0.2, 0.5
-    parts = gap.components(states, yaw)
+    parts = simulated_gap.components(states, yaw)
     assert parts[1] == pytest.approx([1, 0, 0, 0, 0, 0.1, 0.5, *[0] * 5])
     assert parts[2, :6] == pytest.approx([1, 0, 0.2, 0, 0, 0.3])
 
@@ -32,17 +32,21 @@ def test_components_are_told_in_the_frame_of_the_start():
 @pytest.mark.more
 def test_a_pair_is_measured_from_the_same_starts(tmp_path):
     """The result does not depend on how many starts a worker drives."""
-    gap.make(Study("smoke", tmp_path, tmp_path), 1, ["system1"], starts=3)
-    table = gap.table(tmp_path)
+    simulated_gap.make(Study("smoke", tmp_path, tmp_path), 1, ["system1"], starts=3)
+    table = simulated_gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
     assert forward.gap[2.5] > forward.gap[0.5] > 0
-    one, both = (gap.simulate_components("system1", n) for n in ([1], [0, 1]))
+    one, both = (simulated_gap.simulate_components("system1", n) for n in ([1], [0, 1]))
     assert np.array_equal(one[:, 0], both[:, 1]) and not np.array_equal(one[0], one[1])
 
 
 @pytest.mark.parametrize(
     ("study", "kind"),
-    [(gap, "free_struts"), (overlap, "simulation"), (payoff, "free_struts")],
+    [
+        (simulated_gap, "free_struts"),
+        (nearest_neighbours, "simulation"),
+        (when_it_pays, "free_struts"),
+    ],
 )
 def test_what_is_stored_is_of_todays_physics(study, kind):
     repeated = f"again: companion run --figure {Path(study.NAME).stem}"
@@ -51,11 +55,11 @@ def test_what_is_stored_is_of_todays_physics(study, kind):
 
 def test_stored_robots_drive_sensibly(tmp_path):
     """Robots with free struts move vertically less than rocks are high, in the mean."""
-    table = gap.table(RESULTS)
+    table = simulated_gap.table(RESULTS)
     up = table[table.component == "up"]
     assert (up[["gap", "spread"]] < 0.2).all(axis=None)
     assert set(up.system) == {*SYSTEMS, *FREE_SYSTEMS}
-    assert gap.figure(gap.table(tmp_path)).axes[0].texts
+    assert simulated_gap.figure(simulated_gap.table(tmp_path)).axes[0].texts
 
 
 @pytest.fixture
@@ -72,28 +76,30 @@ def drawn():
 
 
 def test_like_robots_cover_each_other_and_one_that_was_elsewhere_nothing(drawn):
-    expert, novice = overlap.neighbourhoods(
+    expert, novice = nearest_neighbours.neighbourhoods(
         drawn(2000), drawn(2000), drawn(1000)
     ).values()
     found = expert.uncovered, expert.distance, expert.loss
     expected = (0.05, novice.distance, novice.loss)
     assert found == pytest.approx(expected, rel=0.1, abs=0.03)
-    both = overlap.neighbourhoods(drawn(500, place=9.0), drawn(500), drawn(300))
+    both = nearest_neighbours.neighbourhoods(
+        drawn(500, place=9.0), drawn(500), drawn(300)
+    )
     assert both["expert"].uncovered == 1
     assert both["expert"].distance > 4 * both["novice"].distance
     # each of the 13 components is off by 2, which adds 52
     inputs, targets = drawn(800)
     sides = (inputs, targets + 2), (inputs, targets), (inputs[:200], targets[:200])
-    expert, novice = overlap.neighbourhoods(*sides).values()
+    expert, novice = nearest_neighbours.neighbourhoods(*sides).values()
     assert expert.loss - novice.loss == pytest.approx(52, abs=8)
 
 
 def test_an_overlap_that_is_measured_is_read(study, monkeypatch):
-    monkeypatch.setattr(overlap, "PAPER_SYSTEMS", ("system1",))
-    assert overlap.read(study.results) == {}
-    overlap.make(study, workers=1)
-    monkeypatch.setattr(overlap, "PAPER_SYSTEMS", ("system1", "added"))
-    stored = overlap.read(study.results)
+    monkeypatch.setattr(nearest_neighbours, "PAPER_SYSTEMS", ("system1",))
+    assert nearest_neighbours.read(study.results) == {}
+    nearest_neighbours.make(study, workers=1)
+    monkeypatch.setattr(nearest_neighbours, "PAPER_SYSTEMS", ("system1", "added"))
+    stored = nearest_neighbours.read(study.results)
     assert list(stored) == ["system1"] and {*stored["system1"]} == {"expert", "novice"}
 
 
@@ -111,7 +117,7 @@ def drive(seed: int, speed: float = 1.0, pieces: int = 60) -> PlanarMotion:
 
 def test_a_command_is_told_by_what_it_leads_to():
     """A robot that is twice as fast has half the command for the same twist."""
-    slow, fast = (payoff.motion_samples(drive(0, speed)) for speed in (1.0, 2.0))
+    slow, fast = (when_it_pays.motion_samples(drive(0, speed)) for speed in (1.0, 2.0))
     assert np.allclose(2 * slow.features[:, 3], fast.features[:, 3], atol=0.02)
 
 
@@ -120,7 +126,9 @@ def test_a_like_robot_predicts_as_well_as_the_novice_and_one_that_slips_worse():
     expert, novice = drive(1), drive(2)
     poses = expert.poses.copy()
     poses[..., 1] += np.linspace(0, 1, poses.shape[1]) ** 2
-    like, bent = (payoff.gap(e, novice) for e in (expert, expert._replace(poses=poses)))
+    like, bent = (
+        when_it_pays.gap(e, novice) for e in (expert, expert._replace(poses=poses))
+    )
     assert like["displacement"] == pytest.approx(like["own_displacement"], rel=0.3)
     assert bent["displacement"] > 1.5 * bent["own_displacement"]
 
@@ -139,25 +147,29 @@ def results(**losses) -> pd.DataFrame:
 
 def test_savings_stand_beside_the_gap(tmp_path):
     """Fine-tuning with one minute is as good as training alone with four."""
-    nothing = payoff.saved({"none": Group(results(novice_only={1.0: 4.0})[:0], 1.0)})
-    assert not len(payoff.table(payoff.gaps(tmp_path), nothing))
+    nothing = when_it_pays.saved(
+        {"none": Group(results(novice_only={1.0: 4.0})[:0], 1.0)}
+    )
+    assert not len(when_it_pays.table(when_it_pays.gaps(tmp_path), nothing))
     errors = {"displacement": 0.4, "heading": 0.9}
     own = {"own_displacement": 0.1, "own_heading": 0.1}
     found = {"system1": errors | own}
-    write_record(tmp_path / payoff.NAME, {"found": found})
-    gaps = payoff.gaps(tmp_path)
+    write_record(tmp_path / when_it_pays.NAME, {"found": found})
+    gaps = when_it_pays.gaps(tmp_path)
     assert gaps.gap.tolist() == pytest.approx([6.0])
     alone = {1.0: 4.0, 4.0: 2.0, 16.0: 1.0}
     frame = results(novice_only=alone, pretrain_finetune={1.0: 2.0, 4.0: 1.0})
     bodies = results(novice_only=alone, sidm=alone).assign(system="no map")
     unlike = Group(bodies, 1.0, pair="system1")
-    groups = {payoff.PAPER: Group(frame, 1.0), payoff.BODIES: unlike}
-    table = payoff.table(gaps, payoff.saved(groups))
+    groups = {when_it_pays.PAPER: Group(frame, 1.0), when_it_pays.BODIES: unlike}
+    table = when_it_pays.table(gaps, when_it_pays.saved(groups))
     rows = table.set_index(["kind", "method"])
-    assert rows.ratio[payoff.PAPER, "pretrain_finetune"] == pytest.approx(4, rel=0.01)
-    assert rows.ratio[payoff.BODIES, "sidm"] == pytest.approx(1, rel=0.01)
+    assert rows.ratio[when_it_pays.PAPER, "pretrain_finetune"] == pytest.approx(
+        4, rel=0.01
+    )
+    assert rows.ratio[when_it_pays.BODIES, "sidm"] == pytest.approx(1, rel=0.01)
     assert (rows.gap == gaps.gap[0]).all()
-    left, right = payoff.figure(table).axes
+    left, right = when_it_pays.figure(table).axes
     titles = [axes.get_title(loc="left") for axes in (left, right)]
     assert titles == ["an SIDM", "fine-tuning"]
     labels = [label.get_text() for label in left.get_yticklabels()]
@@ -169,10 +181,10 @@ def test_one_expert_of_the_family_stands_beside_training_alone():
     frame = results(novice_only={1.0: 4.0}, sidm={1.0: 3.0})
     ways = {"system": "system1", "way": "all", "seed": 0, "novice_minutes": 1.0}
     experts = {"experts": [family_results.MEMBER, "2 experts"], "loss": [2.0, 1.0]}
-    families = payoff.family_of(frame, pd.DataFrame(experts | ways))
+    families = when_it_pays.family_of(frame, pd.DataFrame(experts | ways))
     assert set(families.system) == {"family"}
     tuned = families[families.method != "novice_only"]
     assert tuned.validation_loss.tolist() == [2.0]
     assert set(tuned.method) == {"pretrain_finetune"}
     kinds = {"system1", "system2_free_struts", "family", "husky to warthog"}
-    assert set(payoff.gaps(RESULTS).pair) >= kinds
+    assert set(when_it_pays.gaps(RESULTS).pair) >= kinds

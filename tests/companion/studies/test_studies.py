@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from companion import Study
-from companion.beyond.planning import Planning
+from companion.extensions.planning import Planning
 from companion.registry import STUDIES
 from companion.studies.driving.measure import DriverTest
 from companion.studies.latent_space.measure import held_out_expert
@@ -18,7 +18,7 @@ from tests.companion.conftest import kept, write_motion
 class Case(NamedTuple):
     """What a study is held to."""
 
-    kind: str  # work, a key of NUMERICS
+    kind: str  # work, a key of RESULT_VERSIONS
     figures: Sequence[str]  # fields of its records
     rel: float = 0.05
     abs: float = 0.02

@@ -1,6 +1,6 @@
 """Results of the benchmark, made up."""
 
-from companion.engine.provenance import here
+from companion.engine.provenance import record_provenance
 from companion.tasks.trial import Entry, EntryResult
 
 
@@ -11,5 +11,5 @@ def made(method, task, seed, loss, status="ok", code=""):
     if status != "ok":
         values = {}
     return EntryResult(
-        about=about, status=status, provenance=here(1.0, 1, kind="benchmark"), **values
+        about=about, status=status, provenance=record_provenance(1.0, 1, kind="benchmark"), **values
     )

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from companion.__main__ import main
-from companion.numerics import NUMERICS, versions
+from companion.numerics import RESULT_VERSIONS, versions
 from companion.tasks import catalogue
 from companion.tasks import run as run_module
 from companion.tasks.catalogue import GROUPS, TASKS, card, find_tasks, load_task
@@ -326,7 +326,7 @@ def test_what_failed_runs_again_when_asked(tmp_path, monkeypatch):
     assert losses(workers=1, retry=True) == [2.0, 1.0]
     # motion is simulated before the limit of a trial runs
     assert ran == ["motion by 3", "motion by 1", 0]
-    monkeypatch.setitem(NUMERICS, "benchmark", 0)
+    monkeypatch.setitem(RESULT_VERSIONS, "benchmark", 0)
     losses(workers=1)
     assert ran[-2:] == [0, 1], "rows of an older version"
 

@@ -446,7 +446,7 @@ def test_several_files_are_read_together(folder):
     assert [drive.name for drive in drives] == [f"{path} drive 0" for path in paths]
     with pytest.raises(RecordingError, match="held.csv: 'throttle' never changes"):
         read_drives("held.csv", BODY)
-    assert len(read_drives("held.csv", BODY, held=True)) == 1
+    assert len(read_drives("held.csv", BODY, allow_constant=True)) == 1
     found = inspect_drives("held.csv", BODY)["common_faults"]
     assert found[0].startswith("held.csv: 'throttle' never changes; mend it")
     assert len(drives_from(paths, BODY, "expert", topics=["/odom"])) == 2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from companion.beyond import matching
+from companion.extensions import matching
 from sidm.learning import losses
 from sidm.learning.dataset import windows_of
 from sidm.learning.evaluation import validation_loss

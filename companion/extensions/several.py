@@ -30,7 +30,7 @@ Weights = Mapping[str, Tensor]  # weights and buffers by name
 class SeveralSampler(Sampler):
     """Draws from the windows of several experts with equal probability."""
 
-    one_curve = True
+    pool_curve_over_systems = True
 
     def __init__(
         self, windows: Mapping[str, Windows], training: Training, seed: int

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from companion.beyond.planning import (
+from companion.extensions.planning import (
     ROLLED_OVER,
     ModelImagination,
     Planner,

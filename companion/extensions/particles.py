@@ -13,7 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from companion.beyond.distributions import StochasticPredictor
+from companion.extensions.distributions import StochasticPredictor
 from sidm import rotations
 from sidm.drives import QUATERNION
 from sidm.learning.dataset import Windows

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from companion.beyond.planning import ModelImagination, Planner, steer_to_goal
+from companion.extensions.planning import ModelImagination, Planner, steer_to_goal
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, upright
 
 ARRIVED = 0.5  # m, a robot this near to the goal has arrived

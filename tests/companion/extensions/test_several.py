@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 import torch
 
-from companion.beyond.several import (
+from companion.extensions.several import (
     expert_as_novice,
     fresh_novice,
     nearest_expert,

@@ -5,15 +5,15 @@ import pytest
 import torch
 from torch.nn.functional import softplus
 
-from companion.beyond.matching import (
+from companion.extensions.matching import (
     DISTANCES,
     DistanceMatching,
     GradientReversal,
     coral,
     mmd,
 )
-from companion.beyond.mirror import mirrored
-from companion.beyond.weight_hooks import WARM_UP, PullToStart, WeightAverage
+from companion.extensions.mirror import mirrored
+from companion.extensions.weight_hooks import WARM_UP, PullToStart, WeightAverage
 from sidm.learning import Windows, encode_inputs, robot_centred_map, transition
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.training import prediction_phase

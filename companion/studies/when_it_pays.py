@@ -3,8 +3,9 @@
 The gap compares motion in the plane only, so any two robots can be compared. For a
 sample of the novice, the motion of the next second is predicted from the most similar
 samples of the expert (velocity, yaw rate, command). A command enters as the mean speed
-and yaw rate that it causes. The gap is a ratio of prediction errors; `studies.gap`
-measures another gap, the difference between motions under the same actions.
+and yaw rate that it causes. The gap is a ratio of prediction errors;
+`studies.simulated_gap` measures another gap, the difference between motions under the
+same actions.
 
 `companion run --figure payoff` measures the gaps and writes `results/payoff.json`.
 """
@@ -27,8 +28,8 @@ from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
 from companion.numerics import versions
 from companion.statistics.savings import savings
+from companion.studies.nearest_neighbours import NEIGHBOURS
 from companion.studies.other_bodies import by_novice
-from companion.studies.overlap import NEIGHBOURS
 from companion.studies.real_robots import results as robot_results
 from companion.studies.real_robots.measure import HELD_OUT, PAIRS, robot
 from companion.studies.several_experts import results as family_results

@@ -8,13 +8,13 @@ import pytest
 import torch
 from scipy import stats
 
-from companion.beyond.distributions import (
+from companion.extensions.distributions import (
     ConstantSpread,
     DistributionModel,
     Gaussian,
 )
-from companion.beyond.likelihood import mean_nll, train_distributions
-from companion.beyond.particles import (
+from companion.extensions.likelihood import mean_nll, train_distributions
+from companion.extensions.particles import (
     central_interval,
     one_step,
     particle_rollout,

@@ -2,8 +2,8 @@
 
 Both robots stand at rest on the same ground with the same heading, and get the same
 random actions. The gap is the difference between their motions, component by component,
-which a model of the novice has to learn. `studies.payoff` measures another gap, a ratio
-of prediction errors.
+which a model of the novice has to learn. `studies.when_it_pays` measures another gap, a
+ratio of prediction errors.
 
 `companion run --figure gap` measures it and writes `results/gap.json`.
 """

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 import torch
 from torch import Tensor
 
-from companion.beyond.distributions import DistributionModel
+from companion.extensions.distributions import DistributionModel
 from sidm.config import ConfigError
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import EVALUATION_BATCH
