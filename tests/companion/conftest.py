@@ -147,7 +147,11 @@ def made(kind, about, **values):
         for name, hint in get_type_hints(kind).items()
     }
     return kind(
-        **(nothing | values | {"about": about, "provenance": record_provenance(1.0, 1, False)})
+        **(
+            nothing
+            | values
+            | {"about": about, "provenance": record_provenance(1.0, 1, False)}
+        )
     )
 
 

@@ -35,7 +35,9 @@ def answer(question: Question) -> Answer:
     if question.minutes < 0:
         raise ValueError("less than nothing")
     value = float("nan") if question.minutes > 100 else question.minutes / 3
-    return Answer(about=question, value=value, provenance=record_provenance(1.0, 1, False))
+    return Answer(
+        about=question, value=value, provenance=record_provenance(1.0, 1, False)
+    )
 
 
 @pytest.fixture

@@ -11,5 +11,8 @@ def made(method, task, seed, loss, status="ok", code=""):
     if status != "ok":
         values = {}
     return EntryResult(
-        about=about, status=status, provenance=record_provenance(1.0, 1, kind="benchmark"), **values
+        about=about,
+        status=status,
+        provenance=record_provenance(1.0, 1, kind="benchmark"),
+        **values,
     )
