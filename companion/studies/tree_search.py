@@ -26,9 +26,8 @@ from companion.studies.decisive.search import FIRST_SEED, MINUTES
 from companion.study import Study
 from companion.trials import Trial
 from ownrobot.methods import boosting, least_squares
-from ownrobot.methods.boosting import Growth
+from ownrobot.methods.boosting import Forest, Growth
 from ownrobot.methods.fine_tuning import pretraining_datasets
-from ownrobot.methods.trees import Forest
 from sidm.body import ROVER
 from sidm.learning.dataset import Datasets
 from sidm.learning.units import Standardisation

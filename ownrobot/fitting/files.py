@@ -16,14 +16,14 @@ from torch import Tensor
 
 from ownrobot.body_file import body_from_mapping, body_to_mapping
 from ownrobot.fitting.errors import Score
+from ownrobot.methods.boosting import Forest
+from ownrobot.methods.closed_form import Trivial
 from ownrobot.methods.gaussian_process import Posterior
 from ownrobot.methods.kinematics import Kinematics
 from ownrobot.methods.least_squares import LeastSquares
 from ownrobot.methods.pooled import Pooled
 from ownrobot.methods.registry import METHODS
 from ownrobot.methods.regression import Regression
-from ownrobot.methods.trees import Forest
-from ownrobot.methods.trivial import Trivial
 from sidm import __version__
 from sidm.body import Body
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping

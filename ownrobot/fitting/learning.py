@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from ownrobot.fitting.settings import SETTINGS, Settings
-from ownrobot.methods import boosting, gaussian_process, kinematics, trivial
+from ownrobot.methods import boosting, gaussian_process, kinematics
 from ownrobot.methods import least_squares as squares
+from ownrobot.methods.closed_form import learn_trivial
 from ownrobot.methods.drivetrain import drivetrain_of
 from ownrobot.methods.fine_tuning import (
     Pretrained,
@@ -163,7 +164,7 @@ def _learn_without_loop(
     scale, pooled = loss_weights(body, own), config.pooled
     name: Any = method  # the models of these methods have the methods' names
     if config.fit == "trivial":
-        return trivial.learn(sets, body, name, scale)
+        return learn_trivial(sets, body, name, scale)
     if config.fit == "kinematics":
         return kinematics.identify(sets, body, name, scale)
     if pooled:

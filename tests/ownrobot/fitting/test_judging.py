@@ -21,7 +21,7 @@ from ownrobot.fitting.splits import (
     train_test_split,
 )
 from ownrobot.fitting.windows import common_length, cut
-from ownrobot.methods.trivial import Trivial
+from ownrobot.methods.closed_form import Trivial
 from ownrobot.recordings import read_drives
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS, Drive, Ground

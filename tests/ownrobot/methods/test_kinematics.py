@@ -7,9 +7,9 @@ import pytest
 import torch
 
 import ownrobot
+from ownrobot.methods.closed_form import learn_trivial
 from ownrobot.methods.drivetrain import Signal, drivetrain_of
 from ownrobot.methods.kinematics import identify
-from ownrobot.methods.trivial import learn
 from sidm.body import ROVER
 from sidm.config import ConfigError, replace
 from sidm.learning.dataset import Datasets, Windows
@@ -85,7 +85,7 @@ def test_a_differential_drive_is_found_in_noise(rng):
     expected = [[average, average], [-turning, turning]]
     assert np.allclose(model.jacobian, expected, rtol=0.03)
     assert float(model.lag) == pytest.approx(LAG, rel=1e-3)
-    mean = learn(sets, SKID, "mean").model
+    mean = learn_trivial(sets, SKID, "mean").model
     assert mean_loss(model, sets.test) < 0.01 * mean_loss(mean, sets.test)
 
 

@@ -11,11 +11,12 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from ownrobot.fitting.learning import learn, network_for, refuse_method
 from ownrobot.fitting.settings import SETTINGS
-from ownrobot.methods import gaussian_process, least_squares, trivial
+from ownrobot.methods import gaussian_process, least_squares
+from ownrobot.methods.boosting import Forest
+from ownrobot.methods.closed_form import learn_trivial
 from ownrobot.methods.gaussian_process import condition
-from ownrobot.methods.map_features import NAMES, map_features
 from ownrobot.methods.registry import METHODS
-from ownrobot.methods.trees import Forest
+from ownrobot.methods.regression import map_features
 from sidm.body import ROVER, Body
 from sidm.config import ConfigError, replace
 from sidm.learning import Datasets, Standardisation, validation_loss
@@ -150,18 +151,18 @@ def test_the_map_in_numbers():
     places = ((torch.arange(32) + 0.5) / 32 - 0.5) * 5.0
     y, x = torch.meshgrid(places, places, indexing="ij")
     surface = 0.3 + 0.2 * x - 0.1 * y + 0.5 * (x**2 + y**2) / 2
-    found = dict(zip(NAMES, map_features(surface[None], 5.0)[0].tolist(), strict=True))
+    found = map_features(surface[None], 5.0)[0]
     bend = 0.5 / 24  # the mean of (x^2 + y^2) / 4 over a metre's square
-    for name, value, near in (
-        ("height", 0.3, 1e-4),
-        ("slope along", 0.2, 1e-4),
-        ("slope across", -0.1, 1e-4),
-        ("curvature", 0.5, 1e-4),
-        ("cell +0 +0", 0.3 + 2 * bend, 0.01),
-        ("cell +1 +0", 0.3 + 0.2 + 0.25 + 2 * bend, 0.03),
-        ("cell +0 +1", 0.3 - 0.1 + 0.25 + 2 * bend, 0.03),
+    for number, value, near in (
+        (0, 0.3, 1e-4),
+        (1, 0.2, 1e-4),
+        (2, -0.1, 1e-4),
+        (3, 0.5, 1e-4),
+        (8, 0.3 + 2 * bend, 0.01),  # the cell of the robot, ahead, to the left
+        (9, 0.3 + 0.2 + 0.25 + 2 * bend, 0.03),
+        (11, 0.3 - 0.1 + 0.25 + 2 * bend, 0.03),
     ):
-        assert found[name] == pytest.approx(value, abs=near), name
+        assert float(found[number]) == pytest.approx(value, abs=near), number
     for pixels in (1, 2, 3):
         coarse = map_features(torch.full((2, 3, pixels, pixels), 0.5).half(), 5.0)
         assert torch.allclose(coarse[..., 4:], torch.tensor(0.5))
@@ -259,11 +260,11 @@ def test_the_cross_validated_loss_is_of_steps_that_were_not_seen(many, monkeypat
 
 
 def test_yardsticks_predict_no_change_and_the_mean_of_the_training_data(datasets):
-    still = trivial.learn(datasets, ROVER, "nothing_changes").model
+    still = learn_trivial(datasets, ROVER, "nothing_changes").model
     state = torch.tensor([1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8, *range(6)]).double()
     path = rollout(still, torch.zeros(9, 9), state, torch.ones(5, 2), 8)
     assert torch.allclose(path, state.expand(6, -1))
-    trained = trivial.learn(datasets, ROVER, "mean", torch.ones(13))
+    trained = learn_trivial(datasets, ROVER, "mean", torch.ones(13))
     targets, mean = datasets.test.targets, datasets.train.targets.mean((0, 1))
     assert torch.allclose(trained.model("novice", targets, None)[0], mean)
     loss = (targets - mean).square().sum(-1).mean()
