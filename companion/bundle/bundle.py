@@ -149,14 +149,11 @@ class Bundle:
                 progress(trial.number, trial.trainer.history[-1])
         self.stacked.keep_best(best)
 
-    def _mean_losses(self, rows: Mapping[int, Tensor]) -> dict[int, Tensor]:
-        """Means of equation (1) and of its summands over novice trajectories.
+    def _mean_losses(self, rows: Mapping[int, Tensor]) -> dict[int, float]:
+        """Means of equation (1) over novice trajectories, by place.
 
         Args:
             rows: (N,) each, the trajectories by place; N may differ.
-
-        Returns:
-            (1 + Y,) float64 each, by place.
         """
         if not rows:
             return {}
@@ -174,7 +171,8 @@ class Bundle:
             for flags, part in parts
         )
         steps = self.trials[0].steps
-        return {place: sums[place] / (len(own) * steps) for place, own in rows.items()}
+        means = {i: sums[i] / (len(own) * steps) for i, own in rows.items()}
+        return {place: float(mean) for place, mean in means.items()}
 
     def _flags(self, places: Iterable[int]) -> Tensor:
         """(M,) bool on the device, True at `places`."""

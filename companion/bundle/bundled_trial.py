@@ -12,7 +12,7 @@ from torch import Tensor
 from companion.bundle.device_data import DeviceData
 from sidm.learning.checkpoint import Checkpoint
 from sidm.learning.dataset import Datasets
-from sidm.learning.stopping import Components, TrainingError
+from sidm.learning.stopping import TrainingError
 from sidm.learning.trainer import Trainer
 from sidm.settings import Network, Training
 from sidm.systems import ROLES
@@ -108,31 +108,18 @@ class BundledTrial:
         samples = {"novice": novices * self.steps, "expert": experts * self.steps}
         self.trainer.count_samples(samples)
 
-    def add_test(self, test: Tensor, validation: Tensor | None) -> bool:
+    def add_test(self, test: float, validation: float | None) -> bool:
         """Add a test to the learning curve; a loss that is not finite ends the trial.
 
         Args:
-            test: (1 + Y,), the mean of equation (1) on the test split, then its
-                summands.
-            validation: (1 + Y,), the same on the validation set; None without one.
+            test: mean of equation (1) on the test split.
+            validation: the same on the validation set; None without one.
 
         Returns:
             Whether the current weights are the best so far.
         """
-        test_loss, *test_components = test.tolist()
-        validation_losses = [] if validation is None else validation.tolist()
-        validation_loss = validation_losses[0] if validation_losses else None
         try:
-            best = self.trainer.add_test(test_loss, validation_loss)
+            return self.trainer.add_test(test, validation)
         except TrainingError as error:
             self.error = error
             return False
-        if validation_losses and self.trainer.components_due:
-            self.trainer.components.append(
-                Components(
-                    self.trainer.samples,
-                    tuple(test_components),
-                    tuple(validation_losses[1:]),
-                )
-            )
-        return best

@@ -16,7 +16,7 @@ from companion.bundle.adam import Single, StackedAdam
 from companion.bundle.cuda_graph import GraphedFunction
 from companion.bundle.device_data import DeviceData
 from companion.bundle.models import StackedModels, Systems, stacked, with_ndim, within
-from sidm.learning.losses import component_losses, matching_loss, prediction_loss
+from sidm.learning.losses import matching_loss, prediction_loss
 from sidm.learning.observation import TARGET_SIZE
 from sidm.learning.trainer import Trainer
 from sidm.systems import ROLES
@@ -218,21 +218,20 @@ class StackedTrainers:
             self.matching_optimiser.step(gradients, active)
 
     def _test(self, counted: Tensor, rows: Tensor) -> Tensor:
-        """Sums of equation (1) and of its summands over novice trajectories.
+        """Sums of equation (1) over novice trajectories.
 
         Args:
             counted: (M, b) bool, which trajectories are summed.
             rows: (M, b), the trajectories.
 
         Returns:
-            (M, 1 + Y) float64.
+            (M,) float64.
         """
         batch = self.data.windows.take(rows)
         with torch.no_grad():
             predicted = self.models.predict("novice", batch.inputs, batch.maps)
-        terms = component_losses(predicted, batch.targets)  # (M, b, T, Y)
-        losses = torch.cat([terms.sum(-1, keepdim=True), terms], dim=-1).double().sum(2)
-        return torch.where(counted[..., None], losses, 0.0).sum(1)
+        losses = prediction_loss(predicted, batch.targets).double().sum(2)  # (M, b)
+        return torch.where(counted, losses, 0.0).sum(1)
 
     def _latents(self, systems: Systems, rows: Tensor) -> Tensor:
         batch = self.data.windows.take(rows)

@@ -211,8 +211,9 @@ class Records(Generic[F]):
             place = values.pop(AT, None)
             if self.curves:
                 long = self._read_curves(*place) if curves and place else {}
-                empty: dict[str, Any] = dict.fromkeys(self.curves, ())
-                values["outcome"] = empty | values["outcome"] | long
+                # curves of older versions that have no field any more are left out
+                known = {name: long.get(name, ()) for name in self.curves}
+                values["outcome"] = known | values["outcome"]
             return read(self.kind, values)
         except (Damaged, ConfigError, TypeError, KeyError) as error:
             raise self._damaged(error) from None

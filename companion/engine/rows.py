@@ -14,8 +14,7 @@ class Outcome:
     The loss is that of equation (1), in raw units of y unless the robot's body asks for
     other ones. K is the number of steps of a rollout, 0.1 s each. E tests of the
     training are stored, one after each `test_spacing` samples; trials of older versions
-    have none. The loss by component is stored at D of them, ever farther apart; trials
-    of older versions, older trials of a bundle and closed forms have none.
+    have none.
 
     Attributes:
         validation_loss: loss of a sample of the validation set
@@ -23,8 +22,6 @@ class Outcome:
         best_test_loss: smoothed loss on the novice's test split, of the weights kept
         position_error: (K,) m, mean over the rollouts, after each step
         heading_error: (K,) rad, mean over the rollouts, after each step
-        example_predicted: (K + 1, 2) m, predicted x and y of the first rollout
-        example_actual: (K + 1, 2) m, simulated x and y of the first rollout
         curve_samples: (C,) samples seen at the C points of the learning curve's summary
         curve_test_loss: (C,) test loss at these points
         curve_training_loss: (C,) novice's training loss at these points
@@ -41,9 +38,6 @@ class Outcome:
             classified correctly in its last iteration; None before its first
         every_matching_loss: (E,) mean of equation (4) over the last matching; None
             before the first
-        component_samples: (D,) samples seen at the tests with losses by component
-        component_test: (D, Y) summands of the test loss
-        component_validation: (D, Y) summands of the validation loss
         rollouts_predicted: (3, K + 1, 13) predicted states of the first rollouts
         rollouts_actual: (3, K + 1, 13) simulated states of the first rollouts
     """
@@ -53,8 +47,6 @@ class Outcome:
     best_test_loss: float
     position_error: tuple[float, ...]
     heading_error: tuple[float, ...]
-    example_predicted: tuple[tuple[float, float], ...]
-    example_actual: tuple[tuple[float, float], ...]
     curve_samples: tuple[int, ...]
     curve_test_loss: tuple[float, ...]
     curve_training_loss: tuple[float, ...]
@@ -67,9 +59,6 @@ class Outcome:
     every_validation_loss: tuple[float, ...] = ()
     every_discriminator_accuracy: tuple[float | None, ...] = ()
     every_matching_loss: tuple[float | None, ...] = ()
-    component_samples: tuple[int, ...] = ()
-    component_test: tuple[tuple[float, ...], ...] = ()
-    component_validation: tuple[tuple[float, ...], ...] = ()
     rollouts_predicted: tuple[tuple[tuple[float, ...], ...], ...] = ()
     rollouts_actual: tuple[tuple[tuple[float, ...], ...], ...] = ()
 
@@ -100,8 +89,6 @@ class Failure:
 
 #: Fields of an outcome that are long: they are stored beside the lines.
 CURVES = (
-    "example_predicted",
-    "example_actual",
     "curve_samples",
     "curve_test_loss",
     "curve_training_loss",
@@ -110,9 +97,6 @@ CURVES = (
     "every_validation_loss",
     "every_discriminator_accuracy",
     "every_matching_loss",
-    "component_samples",
-    "component_test",
-    "component_validation",
     "rollouts_predicted",
     "rollouts_actual",
 )

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from sidm.config import DataError, to_mapping
-from sidm.learning.stopping import Components, CurvePoint, EarlyStopping
+from sidm.learning.stopping import CurvePoint, EarlyStopping
 from sidm.storage import checksum, read_arrays, write_arrays
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def _state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
         for group, members in groups.items()
         for name, tensor in members.items()
     }
-    names = "history", "components", "iteration", "samples", "accuracy"
+    names = "history", "iteration", "samples", "accuracy"
     values = {name: getattr(trainer, name) for name in (*names, "matching_loss")}
     stopping = dataclasses.asdict(trainer.stopping)
     return tensors, values | {"stopping": stopping, "losses": trainer.losses}
@@ -165,10 +165,6 @@ def _load_state(
     trainer.sampler.restore(group("generators"), group("waiting"))
     trainer.stopping = EarlyStopping(**values["stopping"])
     trainer.history = [CurvePoint(*point) for point in values["history"]]
-    trainer.components = [
-        Components(samples, tuple(test), tuple(validation))
-        for samples, test, validation in values["components"]
-    ]
     trainer.iteration, trainer.samples = values["iteration"], values["samples"]
     trainer.accuracy = values["accuracy"]
     trainer.matching_loss = values.get("matching_loss")  # older ones lack it

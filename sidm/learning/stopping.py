@@ -52,21 +52,6 @@ class CurvePoint(NamedTuple):
     matching_loss: float | None = None
 
 
-#: losses by component are measured again when the samples have grown by this factor; a
-#: training of 6 million samples has about 40 measurements
-COMPONENT_SPACING = 1.12
-
-
-class Components(NamedTuple):
-    """The loss by component at a test, on the first windows of each set."""
-
-    samples: int  # control steps of the prediction phases so far
-    test: tuple[float, ...]  # (Y,), terms of equation (1) on the novice's test split
-    #: (Y,), terms of equation (1) on the validation set, which does not influence
-    #: training
-    validation: tuple[float, ...]
-
-
 @dataclass
 class EarlyStopping:
     """Follows the test loss and says when training ends.

@@ -13,13 +13,11 @@ from torch import Tensor
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
 from sidm.learning.dataset import Datasets, Windows
-from sidm.learning.evaluation import mean_loss, validation_loss
+from sidm.learning.evaluation import mean_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator, seeded
 from sidm.learning.sampler import Sampler
 from sidm.learning.stopping import (
-    COMPONENT_SPACING,
-    Components,
     CurvePoint,
     EarlyStopping,
     TrainingError,
@@ -84,7 +82,7 @@ class Trainer:
         sampler: draws the batches; by default that of a hook, or a `Sampler`.
         test_loss: computes the loss that training stops by, from a model and the test
             split; by default the mean of equation (1).
-        with_validation: whether to measure validation losses, and losses by component.
+        with_validation: whether to measure validation losses.
     """
 
     def __init__(
@@ -154,7 +152,6 @@ class Trainer:
         )
         self.best_weights = self.weights()
         self.history: list[CurvePoint] = []
-        self.components: list[Components] = []
         # iterations and samples of the prediction phases
         self.iteration = self.samples = 0
         self.accuracy: float | None = None  # accuracy of the discriminator
@@ -262,19 +259,9 @@ class Trainer:
                 validation = mean_loss(self.model, self.validation)
             if self.add_test(self._test_loss(self.model, self.test), validation):
                 self.best_weights = self.weights()
-            if len(self.validation) and self.components_due:
-                sets = self.test, self.validation
-                losses = [validation_loss(self.model, one).tolist() for one in sets]
-                self.components.append(Components(self.samples, *map(tuple, losses)))
         if progress is not None:
             progress(self.history[-1])
         return self.history[-1]
-
-    @property
-    def components_due(self) -> bool:
-        """Whether losses by component are measured at this test."""
-        last = self.components[-1].samples if self.components else 0
-        return self.samples >= COMPONENT_SPACING * last
 
     def add_test(self, test_loss: float, validation: float | None = None) -> bool:
         """Add a point to the learning curve; whether its smoothed loss is the lowest.

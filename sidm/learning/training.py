@@ -5,7 +5,7 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from sidm.learning.losses import (
 )
 from sidm.learning.model import Predictor
 from sidm.learning.observation import TARGET_SIZE
-from sidm.learning.stopping import Components, CurvePoint
+from sidm.learning.stopping import CurvePoint
 from sidm.learning.trainer import Progress, Trainer
 from sidm.learning.units import Units
 from sidm.settings import Network, Training
@@ -38,8 +38,6 @@ class Trained(NamedTuple):
     best_test_loss: float  # smoothed, of the model's weights
     best_samples: int  # samples seen when these weights were reached
     stopped_early: bool  # by the stopping rule, not by max_samples
-    #: the loss by component at some tests; empty for a closed-form solution
-    components: Sequence[Components] = ()
 
 
 def train(
@@ -177,5 +175,4 @@ def result(trainer: Trainer) -> Trained:
         best_test_loss=best,
         best_samples=trainer.stopping.best_samples,
         stopped_early=trainer.samples < trainer.training.max_samples,
-        components=trainer.components,
     )

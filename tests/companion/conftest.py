@@ -116,15 +116,12 @@ def make_row():
     """Function that makes a row without running its trial: make_row(trial, loss)."""
 
     def make(trial, loss: float = 2.0) -> Row:
-        path = tuple((0.1 * k, 0.05 * k) for k in range(26))
         outcome = Outcome(
             validation_loss=loss,
             component_losses=(loss / 13,) * 13,
             best_test_loss=loss * 1.1,
             position_error=tuple(0.01 * loss * (k + 1) for k in range(25)),
             heading_error=tuple(0.02 * (k + 1) for k in range(25)),
-            example_predicted=path,
-            example_actual=path,
             curve_samples=(100, 200, 300),
             curve_test_loss=(3.0, 2.5, 1.1 * loss),
             curve_training_loss=(3.0, 2.0, 1.0),

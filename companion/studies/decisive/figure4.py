@@ -1,4 +1,4 @@
-"""The paper's Figure 4 with the paper's recipe, R, from the stored rollouts."""
+"""Figure 4, predicted paths: the paper's recipe R; mean errors as a table."""
 
 from __future__ import annotations
 
@@ -10,13 +10,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.curves import size_style
-from companion.figures.paths import draw_deviation
-from companion.figures.style import METHOD_STYLES, legend_below, system_label
+from companion.figures.style import (
+    METHOD_LABELS,
+    METHOD_STYLES,
+    legend_below,
+    system_label,
+)
 from companion.methods import COMPARED
+from sidm.drives import CONTROL_STEP
 from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 MINUTES = (5.0, 120.0)  # of novice data, as in the paper
+#: Time of a prediction with its unit -> index of its step.
+STEPS = {"0.5 s (m)": 4, "1 s (m)": 9, "2.5 s (m)": 24}
 
 
 def table(frame: pd.DataFrame) -> pd.DataFrame:
@@ -71,7 +78,21 @@ def _draw_deviations(axes: Axes, shown: pd.DataFrame) -> None:
     for (method, minutes), group in shown.groupby(["method", "novice_minutes"]):
         label = f"{METHOD_STYLES[method]['label']}, {minutes:g} min"
         style = size_style(method, MINUTES.index(minutes))
-        draw_deviation(axes, group, label, style)
+        _draw_deviation(axes, group, label, style)
+
+
+def _draw_deviation(
+    axes: Axes, group: pd.DataFrame, label: str, style: dict[str, Any]
+) -> None:
+    """Draw the mean deviation of trials over time, with its standard error as shade."""
+    # (S, K + 1)
+    errors = np.array([(0.0, *error) for error in group.position_error])
+    time, mean = CONTROL_STEP * np.arange(errors.shape[1]), errors.mean(0)
+    axes.plot(time, mean, label=label, **style)
+    if len(errors) > 1:
+        error = errors.std(0, ddof=1) / np.sqrt(len(errors))
+        shade = {"color": style["color"], "alpha": 0.15, "lw": 0}
+        axes.fill_between(time, mean - error, mean + error, **shade)
 
 
 def _draw_drive(axes: Axes, shown: pd.DataFrame, number: int) -> None:
@@ -83,3 +104,28 @@ def _draw_drive(axes: Axes, shown: pd.DataFrame, number: int) -> None:
         line: dict[str, Any] = {"color": "black", "linestyle": "-", "marker": ""}
         axes.plot(*path.T, label="actual path", **line)
         axes.set_aspect("equal", adjustable="datalim")
+
+
+def mean_errors(frame: pd.DataFrame) -> pd.DataFrame:
+    """Mean errors of predicted paths, by size of the novice's data and method.
+
+    Columns, for one system: `trials`, their number; the distances from the actual
+    positions after the times STEPS; the error of the heading after the last of them.
+    """
+    errors = {name: frame.position_error.str[k] for name, k in STEPS.items()}
+    headings = np.degrees(frame.heading_error.str[24].astype(float))
+    errors["heading, 2.5 s (degrees)"] = headings
+    points = frame.assign(**errors).groupby(["novice_minutes", "method"])
+    means = points[[*errors]].agg("mean").astype(float)
+    means.insert(0, "trials", points.size())
+    return means
+
+
+def page_table(frame: pd.DataFrame) -> pd.DataFrame:
+    """`mean_errors` of each system with the headings of a page."""
+    if not len(frame):
+        return pd.DataFrame()
+    parts = {name: mean_errors(rows) for name, rows in frame.groupby("system")}
+    table = pd.concat(parts, names=["system"]).reset_index()
+    table = table.assign(method=table.method.map(METHOD_LABELS))
+    return table.rename(columns={"novice_minutes": "novice data (min)"})

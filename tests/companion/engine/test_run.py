@@ -45,16 +45,12 @@ def test_a_trial_end_to_end(study, data, method):
         out.validation_loss > 0 and len(out.component_losses) == 13
     )
     assert len(out.position_error) == len(out.heading_error) == 25
-    assert out.example_predicted[0] == pytest.approx(out.example_actual[0])
     # whole batches
     assert out.iterations > 0 and 0 < out.samples < trial.training.max_samples + 8 * 64
     curve = out.curve_samples, out.curve_test_loss, out.curve_training_loss
     assert len({*map(len, curve)}) == 1 and len(curve[0]) <= 40
     assert list(curve[0]) == sorted(set(curve[0])) and curve[0][-1] <= out.samples
     assert min(out.curve_test_loss) <= out.best_test_loss  # smoothed
-    parts = out.component_samples, out.component_test, out.component_validation
-    assert len({*map(len, parts)}) == 1 and len(parts[0]) > 1
-    assert sum(out.component_test[0]) == pytest.approx(out.curve_test_loss[0], rel=1e-5)
     # of a method without an adversary nothing is stored
     tests = len(out.every_test_loss) if method == "sidm" else 0
     assert len(out.every_test_loss) > 1
@@ -63,8 +59,8 @@ def test_a_trial_end_to_end(study, data, method):
     # all rollouts that exist
     for states in (out.rollouts_predicted, out.rollouts_actual):
         assert np.shape(states) == (2, 26, 13)
-    first = [(state[0], state[1]) for state in out.rollouts_predicted[0]]
-    assert out.example_predicted == tuple(first)
+    predicted, actual = out.rollouts_predicted[0], out.rollouts_actual[0]
+    assert predicted[0] == pytest.approx(actual[0])
     made = row.provenance
     assert (made.threads, made.resumed, made.stale) == (1, False, False)
 

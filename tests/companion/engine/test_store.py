@@ -48,7 +48,6 @@ def test_rows_come_back(trials, make_row, store, tmp_path):
     assert path == tmp_path / "trials.jsonl" and len(path.read_bytes()) < 4000
     back = store.get(trials[0])
     assert back.outcome.validation_loss == 2.12346
-    assert back.outcome.example_actual[2] == (0.2, 0.1)
     assert back.outcome.curve_test_loss == (3.0, 2.5, 2.33580)
     assert (back.trial, back.provenance) == (row.trial, row.provenance)
     store.put(make_row(trials[1]))

@@ -9,7 +9,6 @@ from PIL import Image
 from companion.engine.frame import frame_of
 from companion.figures.animation import film
 from companion.figures.curves import figure3
-from companion.figures.paths import figure4
 
 
 def test_figure3_draws_the_means_and_more_than_colour_tells_methods_apart(
@@ -32,19 +31,8 @@ def test_the_experts_model_alone_is_a_level(figure3_rows, laptop, make_row):
     assert (len(left.get_lines()), len(right.get_lines())) == (4, 3)
 
 
-@pytest.mark.parametrize("draw", [figure3, figure4])
-def test_figures_of_nothing_say_so(draw):
-    assert draw(frame_of([])).axes[0].texts[0].get_text() == "no trials stored"
-
-
-def test_figure4_draws_means_and_paths(figure3_frame, laptop):
-    """Six lines start at zero; six predicted paths stand beside the actual one."""
-    keys = [trial.key for trial in laptop.figure4()]
-    left, right = figure4(figure3_frame[figure3_frame.index.isin(keys)]).axes
-    lines = left.get_lines()
-    assert len(lines) == 6 and len(right.get_lines()) == 7
-    assert all(line.get_ydata()[0] == 0 for line in lines)
-    assert all(line.get_xdata()[-1] == pytest.approx(2.5) for line in lines)
+def test_a_figure_of_nothing_says_so():
+    assert figure3(frame_of([])).axes[0].texts[0].get_text() == "no trials stored"
 
 
 def test_the_film_shows_every_step_in_real_time():
