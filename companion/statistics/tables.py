@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -64,19 +65,34 @@ def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.Data
     return table
 
 
-def differences(trial: Trial, base: Trial) -> str:
-    """Settings of a trial that differ from another's: 'p_expert=0.25'; '' for none."""
-    texts = []
-    for part in ("network", "training", "pretraining"):
-        settings, others = getattr(trial, part), getattr(base, part)
-        if settings is None or others is None:
-            continue
-        for field in dataclasses.fields(settings):
-            value = getattr(settings, field.name)
-            if value != getattr(others, field.name):
-                text = value.name if isinstance(value, Body) else value
-                texts.append(f"{field.name}={text}")
-    return ", ".join(dict.fromkeys(texts))
+def differences(trial: Trial, base: Trial) -> dict[str, tuple[Any, Any]]:
+    """Settings of a trial that differ from another's: name -> its value and the other.
+
+    Those of networks and training are among them; of a body there is the name.
+    """
+    settings, others = _settings(trial), _settings(base)
+    return {
+        name: (_named(value), _named(others[name]))
+        for name, value in settings.items()
+        if name in others and value != others[name]
+    }
+
+
+def _settings(trial: Trial) -> dict[str, Any]:
+    """All settings of a trial by name, those of its parts among them."""
+    values = _fields(trial)
+    values |= _fields(values.pop("network")) | _fields(values.pop("training"))
+    before = values.pop("pretraining")
+    earlier = _fields(before) if before else {}
+    return values | {f"pretraining_{name}": value for name, value in earlier.items()}
+
+
+def _fields(config: Any) -> dict[str, Any]:
+    return {field.name: getattr(config, field.name) for field in fields(config)}
+
+
+def _named(value: Any) -> Any:
+    return value.name if isinstance(value, Body) else value
 
 
 def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]:
@@ -99,6 +115,7 @@ def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]
             stale = sum(row.provenance.stale for row in rows)
             line += f"  stale {stale}  loss {loss:.4g}"
         default = study.trial(first.system, first.method, first.novice_minutes)
-        variant = differences(first, default)
+        changed = differences(first, default).items()
+        variant = ", ".join(f"{name}={value}" for name, (value, _) in changed)
         lines.append(f"{line}  ({variant})" if variant else line)
     return lines

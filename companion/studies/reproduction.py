@@ -7,21 +7,17 @@ The data were simulated again on that machine. A store of such trials lies in
 from __future__ import annotations
 
 import collections
-import dataclasses
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from companion.engine.store import Results
 from companion.methods import METHODS
 from companion.statistics.pairs import MOTION, paired_comparison
-from companion.training import StudyTraining
+from companion.statistics.tables import differences
 from companion.trials import Trial
-from sidm.config import to_mapping
-from sidm.settings import Network
 
 NAMED = 4  # settings that a reason names
 
@@ -41,8 +37,7 @@ def with_repeats(reference: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     first = reference.assign(**{MOTION: False})
     if not len(rows) or not len(reference):
         return first
-    keys = _settings(reference)
-    again = rows[_settings(rows).isin(set(keys)).to_numpy()]
+    again = rows[rows.index.isin(reference.index)]
     return pd.concat([first, again.assign(**{MOTION: True})])
 
 
@@ -63,21 +58,6 @@ def retrained(records: Iterable[Any], things: str, results: str | Path) -> str:
     )
 
 
-def _settings(frame: pd.DataFrame) -> pd.Series:
-    """A text of the settings of each result: all that a trial has but its data."""
-    names = ["system", "method", "novice_minutes", "seed"]
-    for kind in (Network, StudyTraining):
-        names += [field.name for field in dataclasses.fields(kind)]
-    known = [name for name in names if name in frame]
-    return frame[known].map(_text).agg(" ".join, axis=1)
-
-
-def _text(value: object) -> str:
-    """A value as text; numbers of a column with gaps are floats, of others integers."""
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    return f"{float(value):g}" if number else str(value)  # type: ignore[arg-type]
-
-
 def table(stored: Results, repeated: Results) -> pd.DataFrame:
     """Ratios of repeated to stored losses, of trials that differ only in their data."""
     both = [row.trial for row in repeated.all() if stored.get(row.trial)]
@@ -93,34 +73,27 @@ def unmatched(stored: Results, repeated: Results) -> dict[str, int]:
     The reason, that is in what a trial differs from the stored one that is most like it
     -> how many trials it holds for, the commonest first.
     """
-    points: dict[tuple, list[dict]] = {}
-    for values in (_values(row.trial) for row in stored.all()):
-        points.setdefault(_point(values), []).append(values)
+    points: dict[tuple, list[Trial]] = {}
+    for row in stored.all():
+        points.setdefault(_point(row.trial), []).append(row.trial)
     reasons: collections.Counter[str] = collections.Counter()
     for row in repeated.all():
         if stored.get(row.trial) is None:
-            own = _values(row.trial)
-            differing = [
-                [
-                    f"{name} {value} (there {other[name]})"
-                    for name, value in own.items()
-                    if name in other and value != other[name]
-                ]
-                for other in points.get(_point(own), [])
-            ]
-            nearest = min(differing, key=len, default=["no such method and size"])
-            more = [f"{len(nearest) - NAMED} more"] * (len(nearest) > NAMED)
-            reasons[", ".join([*nearest[:NAMED], *more])] += 1
+            likely = points.get(_point(row.trial), [])
+            reasons[_reason(row.trial, likely)] += 1
     return dict(reasons.most_common())
 
 
-def _point(values: dict[str, Any]) -> tuple:
-    return values["system"], values["method"], values["novice_minutes"]
+def _point(trial: Trial) -> tuple:
+    return trial.system, trial.method, trial.novice_minutes
 
 
-def _values(trial: Trial) -> dict[str, Any]:
-    """The settings of a trial by name, those of its parts among them."""
-    values = to_mapping(trial)
-    values |= values.pop("network") | values.pop("training")
-    before = values.pop("pretraining") or {}
-    return values | {f"pretraining_{name}": value for name, value in before.items()}
+def _reason(trial: Trial, likely: Iterable[Trial]) -> str:
+    """In what a trial differs from the one of some others that is most like it."""
+    differing = [differences(trial, other) for other in likely]
+    if not differing:
+        return "no such method and size"
+    nearest = min(differing, key=len)
+    texts = [f"{name} {own} (there {there})" for name, (own, there) in nearest.items()]
+    more = [f"{len(texts) - NAMED} more"] * (len(texts) > NAMED)
+    return ", ".join([*texts[:NAMED], *more])

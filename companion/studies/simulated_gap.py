@@ -18,12 +18,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.records import read_or_empty
-from companion.figures.style import SIZE_STYLES, legend_below
+from companion.figures.dots import dot_plot
+from companion.figures.style import system_label
 from companion.numerics import versions
 from companion.study import Study
 from sidm.config import to_mapping
 from sidm.drives import CONTROL_STEP, QUATERNION, tilt_of, yaw_of
-from sidm.plots import finish, side_by_side, styled
 from sidm.pool import local_pool
 from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS, ROLES, find_system
@@ -138,24 +138,16 @@ def table(results: Path | str = "results") -> pd.DataFrame:
     return frame.assign(ratio=frame.gap / frame.spread)
 
 
-@styled
 def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
-    """Ratio of gap to the novice's spread after `time` s, one mark per system."""
-    figure, (axes,) = side_by_side(1)
-    figure.set_size_inches(8, 4.6)
-    names = list(COMPONENTS)
+    """Ratio of gap to the novice's spread after `time` s, a plot per pair of robots."""
     rows = table[np.isclose(table.time, time)]
-    for number, (system, marks) in enumerate(rows.groupby("system", sort=False)):
-        height = marks.component.map(names.index) + 0.15 * (number - 1.5)
-        style = SIZE_STYLES[number % len(SIZE_STYLES)] | {"linestyle": ""}
-        axes.plot(marks.ratio, height, **style, label=system)
-    xlabel = f"gap after {time:g} s by the novice's own spread (-)"
-    axes.set(xlabel=xlabel, xscale="log")
-    finish(axes, legend=False)
-    if len(rows):
-        axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0)
-        axes.set_xticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
-        axes.set_yticks(range(len(names)), names)
-        axes.set_ylim(len(names) - 0.5, -0.5)
-    legend_below(figure, [axes])
-    return figure
+    dots = rows.assign(
+        panel=rows.system.map(system_label),
+        row=rows.component,
+        group="",
+        method="",
+        value=rows.ratio,
+        low=np.nan,
+        high=np.nan,
+    )
+    return dot_plot(dots, f"gap after {time:g} s /\nnovice's spread")
