@@ -1,11 +1,18 @@
-"""Values with their intervals as labelled dots: a row for each, plots side by side."""
+"""Labelled dots: a named row for each thing compared, its values as dots.
+
+`dot_plot` draws a table of ratios with their intervals. `dot_plots` and `name_rows` are
+for figures with several dots in a row: names stand above their rows inside the plot, so
+that they stay readable on a phone.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import METHOD_STYLES, share_labels
@@ -17,6 +24,9 @@ ROOM = 1.08  # factor beyond the widest interval
 #: Methods that have their own colour here, too; the others are told by their rows.
 COLOURED = ("sidm", "novice_only", "pretrain_finetune")
 NEUTRAL = "#333333"
+
+NAMED_WIDTH, NAMED_HEIGHT = 5.4, 0.42  # inch: of a plot, of a row with its name above
+HOLLOW = {"markerfacecolor": "white"}
 
 
 @styled
@@ -79,3 +89,39 @@ def _lines(table: pd.DataFrame) -> list[tuple[str, str]]:
         lines += [(str(group), "")] if group else []
         lines += [(str(group), row) for row in dict.fromkeys(rows.row)]
     return lines
+
+
+def dot_plots(
+    count: int, rows: int, height: float = NAMED_HEIGHT
+) -> tuple[Figure, list[Axes]]:
+    """A figure of plots beside each other, each with room for rows of dots.
+
+    A row with its name has a height in inches.
+    """
+    figure, panels = side_by_side(count)
+    width = NAMED_WIDTH if count == 1 else 3.9 * count
+    figure.set_size_inches(width, 1.2 + height * max(rows, 3))
+    return figure, panels
+
+
+def name_rows(axes: Axes, names: Sequence[str], values: Sequence[str] = ()) -> None:
+    """Write names above the rows y = 0, 1, ... of a plot, the first on top.
+
+    `values` are texts at the right end of the rows, such as a range.
+    """
+    axes.set_ylim(len(names) - 0.55, -0.85)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    plain: dict[str, Any] = {"fontsize": 9.5, "va": "bottom", "zorder": 1}
+    plain["transform"] = axes.get_yaxis_transform()
+    plain["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    for row, name in enumerate(names):
+        axes.axhline(row, color="#DDDDDD", lw=0.6, linestyle="-", marker="", zorder=0)
+        axes.text(0.0, row - 0.22, name, ha="left", **plain)
+    for row, value in enumerate(values):
+        axes.text(1.0, row - 0.22, value, ha="right", color="#555555", **plain)
+
+
+def line_of_no_difference(axes: Axes) -> None:
+    """Draw a vertical line where a ratio is 1."""
+    axes.axvline(1, color="0.5", lw=1, linestyle="-", marker="", zorder=0.5)

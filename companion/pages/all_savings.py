@@ -18,7 +18,6 @@ from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
 from companion.methods import FOR_LITTLE
 from companion.statistics import savings
-from companion.statistics.efficiency import NO_VALUE
 from companion.statistics.stopping_rules import RULES
 from companion.studies import tuning
 from companion.studies.decisive import verdicts
@@ -73,7 +72,7 @@ def table(store: Results, data: str | Path = "data") -> pd.DataFrame:
                 verdicts.sidm_saving(frame, recipe, system, rule, size, rival).text(2)
                 for size in SIZES
             ]
-            if set(texts) != {NO_VALUE}:
+            if set(texts) != {savings.NO_VALUE}:
                 rows.append((settings, rule, hours, system_label(system), *texts))
     return pd.DataFrame(rows, columns=COLUMNS)
 

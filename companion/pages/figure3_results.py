@@ -16,8 +16,7 @@ from companion.pages import all_savings, readings
 from companion.pages.markdown import known_text, provenance_html, table_html
 from companion.pages.page import Page
 from companion.statistics import claims, coverage
-from companion.statistics.efficiency import NO_VALUE, DataRatio
-from companion.statistics.savings import ratio_texts, savings, texts_at
+from companion.statistics.savings import NO_VALUE, DataRatio, ratio_texts, savings
 from companion.statistics.tables import loss_summary, wide
 from companion.studies import tuning
 from companion.studies.decisive import (
@@ -156,7 +155,9 @@ class Figure3:
 
     def saving(self, method: str, minutes: float, system: str) -> str:
         """The data that a method saves with recipe Q, with its interval."""
-        return texts_at(self.saved, method, minutes, [system])[0]
+        point = dict(system=system, method=method, novice_minutes=minutes)
+        rows = self.saved[(self.saved[[*point]] == point).all(axis=1)]
+        return next(iter(ratio_texts(rows)), "not run")
 
     def _quick_numbers(self) -> Iterator[tuple[str, str]]:
         for number, system in enumerate(PAPER_SYSTEMS, 1):

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from companion.statistics.efficiency import data_ratio, isotonic_fit, minutes_needed
 from companion.statistics.intervals import (
     bootstrap,
     leave_one_out,
@@ -25,7 +24,12 @@ from companion.statistics.intervals import (
     ratio_of_means,
 )
 from companion.statistics.pairs import Losses
-from companion.statistics.savings import savings_between
+from companion.statistics.savings import (
+    data_ratio,
+    isotonic_fit,
+    minutes_needed,
+    savings_between,
+)
 from ownrobot.comparison.statistics import Interval
 from sidm.storage import read_record, write_record
 

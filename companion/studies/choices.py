@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.store import Results
-from companion.figures.named_rows import dot_plots, line_of_no_difference, name_rows
+from companion.figures.dots import dot_plots, line_of_no_difference, name_rows
 from companion.figures.style import METHOD_STYLES, legend_below
 from companion.methods import CHOICES, COMPARED, FIGURE3, RELEASED
 from companion.statistics import savings

@@ -18,7 +18,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.store import Results
-from companion.figures.named_rows import (
+from companion.figures.dots import (
     HOLLOW,
     dot_plots,
     line_of_no_difference,

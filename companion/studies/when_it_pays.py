@@ -33,7 +33,7 @@ from companion.studies.other_bodies import by_novice
 from companion.studies.real_robots import results as robot_results
 from companion.studies.real_robots.measure import HELD_OUT, PAIRS, robot
 from companion.studies.several_experts import results as family_results
-from companion.studies.several_experts.family import dataset, robots
+from companion.studies.several_experts.measure import dataset, robots
 from companion.study import Study
 from companion.trials import EXPERT_SEED, POOL_SEED
 from sidm.drives import QUATERNION, Drive, yaw_of

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import legend_below, system_label
-from companion.statistics.efficiency import DataRatio, data_ratio
+from companion.statistics.savings import DataRatio, data_ratio
 from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
 from companion.studies.decisive.verdicts import (
     ALONE_SIZES,

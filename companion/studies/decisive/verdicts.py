@@ -1,7 +1,7 @@
 """The verdicts of the decisive experiment, by rules written before its trainings.
 
 The page on claims has the rules. Methods are compared seed by seed; data ratios are
-those of `statistics.efficiency.data_ratio`.
+those of `statistics.savings.data_ratio`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import pandas as pd
 from companion.engine.store import Results
 from companion.figures.style import system_label
 from companion.statistics.claims import NO_VERDICT, NOT_SEEN, verdict
-from companion.statistics.efficiency import DataRatio, data_ratio
 from companion.statistics.intervals import FEWEST_SEEDS, holm, mean_ratio, p_values
+from companion.statistics.savings import DataRatio, data_ratio
 from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
 from companion.study import Study

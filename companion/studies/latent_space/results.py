@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.figures.named_rows import HOLLOW, dot_plots, name_rows
+from companion.figures.dots import HOLLOW, dot_plots, name_rows
 from companion.figures.style import (
     METHOD_LABELS,
     METHOD_STYLES,

@@ -3,12 +3,15 @@
 The question is how much data of its own a novice then needs (section 6).
 
 `companion run --figure several-experts` makes the results that are not stored in
-results/several_experts yet.
+results/several_experts.jsonl yet. The experts are robots of the family around the
+paper's four.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -29,10 +32,9 @@ from companion.extensions.several import (
     several_trainer,
 )
 from companion.methods import FINER_TESTS, METHODS
-from companion.studies.several_experts.family import dataset, robots
 from companion.study import Study
 from companion.training import StudyTraining
-from companion.trials import Dataset, Trial, motion_of
+from companion.trials import EXPERT_SEED, Dataset, Trial, motion_of
 from sidm.config import config, replace
 from sidm.learning import checkpoint
 from sidm.learning.arithmetic import one_thread
@@ -41,9 +43,8 @@ from sidm.learning.evaluation import mean_loss, validation_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.training import Trained, learn, train
 from sidm.learning.units import Standardisation
-from sidm.shards import split_indices
-
-__all__ = ["robots"]  # for those who collect
+from sidm.shards import Collection, split_indices
+from sidm.systems import System, family_robot, find_system
 
 #: numbers of experts; together they have as many minutes as the paper's expert alone
 COUNTS = (1, 2, 4, 8)
@@ -127,6 +128,34 @@ class PretrainingResult:
 
 #: the stored results, under a folder of results
 records = records_of(PretrainingResult, "several-experts")
+
+
+def family_system(system: str, number: int) -> System:
+    """A system of the paper with a member of the family as the expert."""
+    paper = find_system(system)
+    return replace(paper, name=system, expert=family_robot(number))
+
+
+def dataset(system: str, number: int, policy: str, count: int) -> Dataset:
+    """The first `count` trajectories of a family member on a system's ground.
+
+    Another robot, ground or physics makes another dataset.
+    """
+    pair = family_system(system, number)
+    description = repr((pair.expert, pair.terrain, pair.physics))
+    mark = hashlib.sha256(description.encode()).hexdigest()[:8]
+    collection = Collection(
+        system=system, role=f"member{number}_{mark}", policy=policy, seed=EXPERT_SEED
+    )
+    return Dataset(collection=collection, count=count)
+
+
+def robots(wanted: Dataset) -> System | None:
+    """The system of a family member's dataset; None for another dataset."""
+    found = re.fullmatch(r"member(\d+)_\w+", wanted.collection.role)
+    if found is None:
+        return None
+    return family_system(wanted.collection.system, int(found[1]))
 
 
 def jobs(

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.frame import of_trials
-from companion.figures.named_rows import dot_plots, name_rows
+from companion.figures.dots import dot_plots, name_rows
 from companion.figures.style import METHOD_LABELS, SIZE_STYLES, legend_below
 from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.pairs import pooled_comparison

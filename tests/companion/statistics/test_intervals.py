@@ -5,13 +5,13 @@ import pytest
 import scipy.stats
 
 from companion.statistics import coverage
-from companion.statistics.efficiency import isotonic_fit, minutes_needed
 from companion.statistics.intervals import (
     MANY_SEEDS,
     bootstrap,
     interval,
     leave_one_out,
 )
+from companion.statistics.savings import isotonic_fit, minutes_needed
 from sidm.storage import read_record
 from tests.companion.conftest import RESULTS
 

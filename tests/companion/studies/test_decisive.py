@@ -19,8 +19,8 @@ from companion.statistics.claims import (
     REPRODUCED,
     verdict,
 )
-from companion.statistics.efficiency import data_ratio
 from companion.statistics.intervals import mean_ratio, p_values
+from companion.statistics.savings import data_ratio
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import (
     ablated,
@@ -45,6 +45,7 @@ from companion.studies.decisive.design import STEPS
 from companion.studies.decisive.verdicts import ALONE_SIZES, END
 from ownrobot.comparison.statistics import Interval
 from sidm.config import ConfigError
+from tests.companion.conftest import RESULTS
 
 SPACING = 12_800  # samples between two tests
 EARLY = 40  # tests until the released rule has seen the first minimum
@@ -179,6 +180,16 @@ def test_scores_are_by_least_squares_on_the_same_split(study, make_row):
         {"sidm": 0.5, "novice_only": 0.7, FINETUNING: 0.9}
     )
     assert best.number["sidm"] == 4 and best.number["novice_only"] == 3
+
+
+def test_the_settings_of_system_2_have_the_best_stored_scores(study):
+    """As the protocol's list of changes tells: 0.95, then 1.01; 1.11, then 1.17."""
+    frame = Results(RESULTS).frame(search.second_search(study))
+    scores = search.scores(frame).sort_values("score").groupby("method")
+    best = scores.number.first().to_dict()
+    assert best == search.CHOSEN["system2"]
+    two = {method: group.score[:2].round(2).tolist() for method, group in scores}
+    assert two == {"sidm": [0.95, 1.01], "novice_only": [1.11, 1.17]}
 
 
 def test_a_saving_that_a_longer_training_takes_away(make_results):

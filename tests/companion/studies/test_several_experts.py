@@ -9,7 +9,6 @@ from companion import Study
 from companion.engine.datasets import collect_motion
 from companion.engine.frame import frame_of, records_frame
 from companion.studies.several_experts import measure as x
-from companion.studies.several_experts.family import dataset, robots
 from companion.studies.several_experts.results import (
     MEMBER,
     PAPER_EXPERT,
@@ -39,14 +38,14 @@ def test_the_family_spans_the_papers_robots():
 
 def test_a_members_motion_is_collected_once(tmp_path):
     """One shard of the first member of the family is collected."""
-    wanted = {dataset("system1", 0, "held", 1): [0]}
+    wanted = {x.dataset("system1", 0, "held", 1): [0]}
     for progress in (False, True):  # the second time there is nothing to do
-        collect_motion(wanted, tmp_path, 1, progress=progress, robots=robots)
+        collect_motion(wanted, tmp_path, 1, progress=progress, robots=x.robots)
     (one,) = wanted
     (found,) = load(tmp_path, one.collection, 1)
     assert found.states.shape == (STEPS + 1, 13) and np.isfinite(found.states).all()
     papers = Collection(system="system1", role="expert")
-    assert robots(Dataset(collection=papers, count=1)) is None
+    assert x.robots(Dataset(collection=papers, count=1)) is None
 
 
 @pytest.fixture
