@@ -17,7 +17,6 @@ import numpy as np
 
 from companion.figures.style import system_label
 from companion.numerics import versions
-from ownrobot.replay.packing import pack, unpack
 from ownrobot.replay.rides import (
     ROBOTS,
     SAMPLES_PER_STEP,
@@ -26,6 +25,7 @@ from ownrobot.replay.rides import (
     sampled_physics,
     weave,
 )
+from ownrobot.replay.viewer import pack, unpack
 from sidm.drives import POSITION, QUATERNION
 from sidm.pool import local_pool
 from sidm.progress import progress_bar

@@ -44,11 +44,16 @@ from companion.explorer.grid import (
 from companion.figures.interactive import themed
 from companion.figures.style import half_width, system_label
 from ownrobot.replay import scene
-from ownrobot.replay.packing import text
 from ownrobot.replay.rides import SAMPLE_TIME, STRUTS
-from ownrobot.replay.scene_file import cropped, ground_json, read_scene, scene_json
 from ownrobot.replay.skeleton import heave_curves, rover_skeleton
-from ownrobot.replay.viewer import SCRIPTS, STYLE, static
+from ownrobot.replay.viewer import (
+    SCRIPTS,
+    STYLE,
+    cropped,
+    ground_json,
+    static,
+    text,
+)
 from sidm.drives import CONTROL_STEP, Ground
 from sidm.systems import GRID_SPACING, Robot
 
@@ -200,8 +205,8 @@ def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
 
     They are scenes, the drives of one robot with held or free struts, and grounds.
     """
-    for path in sorted(scenes.glob("scene-*.npz")):
-        yield path.stem, scene_json(read_scene(path))
+    for path in sorted(scenes.glob("scene-*.json")):
+        yield path.stem, json.loads(path.read_text(encoding="utf-8"))
     for number, packed in enumerate(grid.packed):
         yield f"rides-{number}", text(packed)
     left, right, low, high = REPLAYED

@@ -17,19 +17,16 @@ import ownrobot
 from ownrobot.replay.rides import Ride, drive, sampled_physics
 from ownrobot.replay.scene import (
     GHOST_OPACITY,
-    ROVER_JOINTS,
-    ROVER_WHEELS,
     SPACING,
     TRUTH_COLOUR,
     Scene,
-    Track,
-    predicted_scene,
+    drive_scene,
+    drive_track,
     ride_track,
-    rolling_angles,
 )
-from ownrobot.replay.scene_file import write_scene
-from ownrobot.replay.skeleton import BOXES, Skeleton
-from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, Ground
+from ownrobot.replay.skeleton import BOXES
+from ownrobot.replay.viewer import write_scene
+from sidm.drives import Drive, Ground
 from sidm.shards import Collection
 from sidm.systems import PAPER_SYSTEMS
 from sidm.terrain import generate_terrain
@@ -57,18 +54,6 @@ def collected_ride(collection: Collection, index: int, steps: int) -> Ride:
         return drive(simulator, throttle, steering, steps, yaw)
 
 
-def predicted_track(
-    states: np.ndarray, skeleton: Skeleton, name: str, colour: str
-) -> Track:
-    """The track of a model's ghost through predicted states (K + 1, 13)."""
-    _, track, radius = ROVER_WHEELS
-    position, turn = states[:, POSITION], states[:, QUATERNION]
-    joints = np.zeros((len(states), ROVER_JOINTS))
-    joints[:, 4:8] = rolling_angles(position, turn, radius, track / 2)
-    motion = (CONTROL_STEP, position, turn, joints)
-    return Track(name, *motion, skeleton, colour, GHOST_OPACITY)
-
-
 def rollout_scene(rows: Sequence[Any], number: int) -> Scene:
     """A stored drive of Figure 4: the robot, and the paths that models predict.
 
@@ -94,14 +79,16 @@ def rollout_scene(rows: Sequence[Any], number: int) -> Scene:
             "the robot drives elsewhere than when these trials were run; run them again"
         )
     truth = ride_track(ride, "the robot", TRUTH_COLOUR)
-    ghosts = []
+    ground, ghosts = Ground(ride.heights, SPACING), []
     for method, row in shown.items():
         states = np.array(row.outcome.rollouts_predicted[number])
         style = METHOD_STYLES[method]
-        look = (truth.skeleton, style["label"], style["color"])
-        ghosts.append(predicted_track(states, *look))
+        predicted = Drive(states, np.zeros((len(states) - 1, 2)))
+        look = style["label"], style["color"]
+        ghost = drive_track(predicted, ground, ride.robot, *look)
+        ghosts.append(ghost._replace(ghost=GHOST_OPACITY))
     title = f"the robot, and models trained on {MINUTES:g} min"
-    return Scene((truth, *ghosts), Ground(ride.heights, SPACING), 2.0, title)
+    return Scene((truth, *ghosts), ground, 2.0, title)
 
 
 def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
@@ -112,7 +99,7 @@ def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
     drive = drives[WARTHOG_DRIVE]
     model = ownrobot.load(recordings / "models" / "warthog")
     path = model.rollout(drive.states[0], drive.actions)
-    return predicted_scene(drive, path, BOXES["warthog"], ("the Warthog", "its model"))
+    return drive_scene(drive, BOXES["warthog"], path, ("the Warthog", "its model"))
 
 
 def make(folder: Path = FOLDER) -> None:
@@ -126,8 +113,8 @@ def make(folder: Path = FOLDER) -> None:
     for system in PAPER_SYSTEMS:
         number = figure4.median_drive(shown[shown.system == system])
         rows = store.rows(arm(study, "R", system, R_CAPS, [SEED]))
-        write_scene(folder / f"scene-{system}.npz", rollout_scene(rows, number))
-    write_scene(folder / "scene-warthog.npz", warthog_scene())
+        write_scene(folder / f"scene-{system}.json", rollout_scene(rows, number))
+    write_scene(folder / "scene-warthog.json", warthog_scene())
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ def run_demo(arguments: argparse.Namespace) -> int:
     from ownrobot.demo import bundled_drives
     from ownrobot.fitting.fit import fit
     from ownrobot.fitting.splits import split
-    from ownrobot.replay.scene import predicted_scene
+    from ownrobot.replay.scene import drive_scene
     from ownrobot.replay.skeleton import BOXES
     from ownrobot.replay.viewer import View
 
@@ -37,7 +37,7 @@ def run_demo(arguments: argparse.Namespace) -> int:
     model = fit(training, method="least_squares", out=folder / "model")
     drive = max(held_out, key=lambda one: abs(one.states[-1, 2] - one.states[0, 2]))
     path = model.rollout(drive.states[0], drive.actions)
-    scene = predicted_scene(drive, path, BOXES["warthog"])
+    scene = drive_scene(drive, BOXES["warthog"], path)
     View(scene, "A Warthog and its model").write(folder / "replay.html")
     print(
         f"{model}, {len(training)} drives of a Warthog; "

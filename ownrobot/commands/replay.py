@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
+import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ownrobot.command_line import AddCommand
 from ownrobot.commands.options import refuse_inputs
-from sidm.config import ConfigError
+from sidm.config import ConfigError, DataError, no_such_file
+
+if TYPE_CHECKING:
+    from ownrobot.replay.scene import Scene
 
 EXAMPLES = """\
   ownrobot replay drive.csv --body robot.yaml --html replay.html
@@ -20,7 +23,9 @@ def add_replay(add: AddCommand) -> None:
     """Add `ownrobot replay`."""
     text = "Make a page that shows a ride in three dimensions, with nothing to install."
     replay = add("replay", run_replay, text, EXAMPLES)
-    text = "a scene that `ownrobot.replay.write_scene` wrote, or recorded drives"
+    text = (
+        "a scene (.json) of `ownrobot.replay.write_scene`, or recorded drives"
+    )
     replay.add_argument("ride", metavar="PATH", help=text)
     text = "where to write the page"
     replay.add_argument("--html", metavar="FILE", required=True, help=text)
@@ -43,36 +48,43 @@ def run_replay(arguments: argparse.Namespace) -> int:
     from ownrobot.replay.viewer import View
 
     refuse_inputs([arguments.html], [arguments.ride, arguments.body])
-    title = arguments.title or Path(arguments.ride).name
-    View(_scene(arguments), title).write(arguments.html)
+    path = Path(arguments.ride)
+    is_scene = path.suffix == ".json"
+    scene = _scene_of_file(path, arguments) if is_scene else _scene(path, arguments)
+    View(scene, arguments.title or path.name).write(arguments.html)
     print(f"{arguments.html}: open it in a browser")
     return 0
 
 
-def _scene(arguments: argparse.Namespace) -> Any:
-    """The scene in a file, or the scene of one of the recorded drives in it."""
+def _scene_of_file(path: Path, arguments: argparse.Namespace) -> dict[str, Any]:
+    """The JSON types in the file of a scene."""
+    for name in ("body", "model", "drive", "shape"):
+        if getattr(arguments, name):
+            raise ConfigError(
+                f"{path} is a scene, and --{name} is of recorded drives; leave it out"
+            )
+    if not path.exists():
+        raise DataError(no_such_file(path))
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if {"ground", "tracks", "distance"} <= content.keys():
+            return content
+    except (OSError, ValueError, AttributeError):
+        pass
+    raise DataError(f"{path}: it holds no scene; ownrobot.replay.write_scene makes one")
+
+
+def _scene(path: Path, arguments: argparse.Namespace) -> Scene:
+    """The scene of one of the recorded drives in a file."""
     from ownrobot.body_file import read_body
     from ownrobot.fitting.model import load
     from ownrobot.recordings import read_drives
-    from ownrobot.replay.scene import drives_scene, predicted_scene
-    from ownrobot.replay.scene_file import read_scene
+    from ownrobot.replay.scene import drive_scene
     from ownrobot.replay.skeleton import find_box
     from sidm.body import ROVER
-    from sidm.storage import Damaged
     from sidm.systems import SYSTEMS
 
-    path = Path(arguments.ride)
     model = load(arguments.model) if arguments.model else None
-    if path.suffix == ".npz" and not (arguments.body or model):
-        # the file may hold recorded drives; reading them finds other faults
-        with contextlib.suppress(Damaged):
-            scene = read_scene(path)
-            if arguments.shape or arguments.drive:
-                raise ConfigError(
-                    f"{path} is a scene, and --shape and --drive are of recorded "
-                    "drives; leave them out"
-                )
-            return scene
     body = model.body if model else ROVER
     if arguments.body:
         body = read_body(arguments.body)
@@ -83,8 +95,7 @@ def _scene(arguments: argparse.Namespace) -> Any:
         raise ConfigError(
             f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"
         )
-    drive = drives[arguments.drive]
-    if model is None:
-        return drives_scene([drive], robot)
-    predicted = model.rollout(drive.states[0], drive.actions, ground=drive.ground)
-    return predicted_scene(drive, predicted, robot)
+    drive, predicted = drives[arguments.drive], None
+    if model:
+        predicted = model.rollout(drive.states[0], drive.actions, ground=drive.ground)
+    return drive_scene(drive, robot, predicted)

@@ -13,7 +13,7 @@ import pandas as pd
 
 from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP
 from ownrobot.fitting.splits import sessions_of
-from ownrobot.replay.scene import predicted_scene
+from ownrobot.replay.scene import drive_scene
 from ownrobot.replay.viewer import View
 from sidm import __version__
 from sidm.config import counted
@@ -107,7 +107,7 @@ def _replay(comparison: Comparison) -> str:
     worst = max(comparison.of(method), key=lambda result: result.losses.losses.max())
     drive = next(d for d in comparison.drives if d.name == worst.worst)
     title = f"{drive.name}, and what {method} predicts from its start"
-    scene = predicted_scene(drive, worst.path, names=("the robot", method))
+    scene = drive_scene(drive, path=worst.path, names=("the robot", method))
     view = View(scene, title)._repr_html_()
     return f"<h2>The worst drive</h2><p>{html.escape(title)}</p>{view}"
 

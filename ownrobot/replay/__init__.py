@@ -5,9 +5,8 @@ robot is made of. The scripts in `static` draw both in a browser.
 """
 
 from ownrobot.replay.rides import ROBOTS, Ride, find_robot, ride, tilt, weave
-from ownrobot.replay.scene import Scene, Track, drives_scene, rides_scene
-from ownrobot.replay.scene_file import read_scene, write_scene
-from ownrobot.replay.viewer import View, replay
+from ownrobot.replay.scene import Scene, Track, drive_scene, rides_scene
+from ownrobot.replay.viewer import View, replay, write_scene
 
 __all__ = [
     "ROBOTS",
@@ -15,9 +14,8 @@ __all__ = [
     "Scene",
     "Track",
     "View",
-    "drives_scene",
+    "drive_scene",
     "find_robot",
-    "read_scene",
     "replay",
     "ride",
     "rides_scene",

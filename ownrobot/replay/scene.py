@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -151,38 +151,29 @@ def drive_track(
     )
 
 
-def drives_scene(drives: Iterable[Drive], shape: Box | Robot = BOXES["husky"]) -> Scene:
-    """Scene of recorded drives over the ground of the first, or level ground."""
-    drives = list(drives)
-    ground = _ground_under(drives)
-    tracks = [
-        drive_track(drive, ground, shape, drive.name, COLOURS[n % len(COLOURS)])
-        for n, drive in enumerate(drives)
-    ]
-    return Scene(tuple(tracks), ground, 3.5 * wheel_dimensions(shape)[0])
-
-
-def predicted_scene(
+def drive_scene(
     drive: Drive,
-    path: np.ndarray,
     shape: Box | Robot = BOXES["husky"],
+    path: np.ndarray | None = None,
     names: tuple[str, str] = ("the robot", "model"),
 ) -> Scene:
-    """Scene of a recorded drive, and of its prediction as a ghost.
+    """Scene of a recorded drive over its ground, or level ground.
 
-    The path has the states (K + 1, S) that a model predicts from the drive's start, as
-    `Model.rollout` returns them. The names, for the legend, are of robot and model.
+    A path has the states (K + 1, S) that a model predicts from the drive's start, as
+    `Model.rollout` returns them; a ghost drives there. The names, for the legend, are
+    then of robot and model.
     """
+    base = wheel_dimensions(shape)[0]
+    if path is None:
+        ground = _ground_under([drive])
+        track = drive_track(drive, ground, shape, drive.name, COLOURS[0])
+        return Scene((track,), ground, 3.5 * base)
     predicted = replace(drive, states=path)
     ground = _ground_under([drive, predicted])
     robot = drive_track(drive, ground, shape, names[0], TRUTH_COLOUR)
     ghost = drive_track(predicted, ground, shape, names[1], COLOURS[1])
-    return Scene(
-        (robot, ghost._replace(ghost=GHOST_OPACITY)),
-        ground,
-        4.5 * wheel_dimensions(shape)[0],
-        f"{names[0]} and {names[1]}",
-    )
+    tracks = robot, ghost._replace(ghost=GHOST_OPACITY)
+    return Scene(tracks, ground, 4.5 * base, f"{names[0]} and {names[1]}")
 
 
 def _ground_under(drives: Sequence[Drive]) -> Ground:

@@ -38,7 +38,7 @@ window.sidmReplay = (() => {
     return drawnBy.known;
   }
 
-  /** What is packed by ownrobot.replay.packing: numbers (series, moments, channels) of 16 bits. */
+  /** What is packed by ownrobot.replay.viewer: numbers (series, moments, channels) of 16 bits. */
   async function unpack(text, moments, channels) {
     const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));

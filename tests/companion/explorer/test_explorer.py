@@ -19,7 +19,7 @@ from companion.explorer.live import (
 )
 from companion.numerics import versions
 from ownrobot.replay import ROBOTS, Ride, find_robot, ride, tilt, weave
-from ownrobot.replay.packing import unpack
+from ownrobot.replay.viewer import unpack
 from sidm.config import ConfigError
 from sidm.simulation import Simulator
 from sidm.systems import Terrain

@@ -15,17 +15,15 @@ from ownrobot.__main__ import main
 from ownrobot.recordings import write_drives
 from ownrobot.replay import (
     ROBOTS,
-    drives_scene,
-    read_scene,
+    drive_scene,
     replay,
     ride,
     rides_scene,
     write_scene,
 )
-from ownrobot.replay.packing import pack, unpack
 from ownrobot.replay.scene import attitudes_on_ground, rolling_angles
-from ownrobot.replay.scene_file import scene_json
 from ownrobot.replay.skeleton import BOXES, heave_curves, rover_skeleton
+from ownrobot.replay.viewer import pack, scene_json, unpack
 from sidm.config import ConfigError, replace
 from sidm.drives import Drive, Ground
 from sidm.simulation import Simulator
@@ -97,9 +95,8 @@ def test_the_heave_follows_from_the_struts():
 def test_a_scene_is_what_was_ridden_and_comes_back_from_its_file(rides, tmp_path):
     """The browser's numbers agree to a millimetre and a thousandth of a radian."""
     scene = json.loads(json.dumps(scene_json(rides_scene(rides))))
-    write_scene(tmp_path / "ride.npz", rides_scene(rides))
-    repeated = scene_json(read_scene(tmp_path / "ride.npz"))
-    assert json.loads(json.dumps(repeated["tracks"])) == scene["tracks"]
+    write_scene(tmp_path / "ride.json", rides_scene(rides))
+    assert json.loads((tmp_path / "ride.json").read_text()) == scene
     assert [track["name"] for track in scene["tracks"]] == list(rides)
     assert [bool(track["ghost"]) for track in scene["tracks"]] == [False, True]
     for track, one in zip(scene["tracks"], rides.values(), strict=True):
@@ -161,7 +158,7 @@ def cart() -> Drive:
 
 
 def test_a_recorded_drive_stands_on_level_ground_and_needs_a_pose(cart):
-    scene = drives_scene([cart], BOXES["husky"])
+    scene = drive_scene(cart)
     track = scene.tracks[0]
     assert track.position[:, :2] == pytest.approx(cart.states[:, :2])
     frames = places(
@@ -170,20 +167,27 @@ def test_a_recorded_drive_stands_on_level_ground_and_needs_a_pose(cart):
     radius = BOXES["husky"].radius
     assert [at[2] for _, at in frames[1:]] == pytest.approx([radius] * 4)
     rover = ROBOTS["system1 novice"]  # the same drive on the paper's robot
-    assert drives_scene([cart], rover).tracks[0].joints.shape == (21, 10)
+    assert drive_scene(cart, rover).tracks[0].joints.shape == (21, 10)
     belt = replace(PLANAR, name="belt", pose="none")
     with pytest.raises(ConfigError, match="'belt' has no pose"):
-        drives_scene([replace(cart, states=cart.states[:, 3:], body=belt)])
+        drive_scene(replace(cart, states=cart.states[:, 3:], body=belt))
 
 
 def test_the_command_writes_a_page_of_a_scene_and_of_recordings(
     rides, cart, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    write_scene(tmp_path / "ride.npz", rides_scene(rides))
-    assert main(["replay", "ride.npz", "--html", "out.html"]) == 0
+    write_scene(tmp_path / "ride.json", rides_scene(rides))
+    assert main(["replay", "ride.json", "--html", "out.html"]) == 0
     assert "out.html" in capsys.readouterr().out
-    assert "system2 expert" in (tmp_path / "out.html").read_text()
+    page = replay(rides, "ride.json").page()
+    assert (tmp_path / "out.html").read_text() == page and "system2 expert" in page
+    assert main(["replay", "ride.json", "--html", "x", "--drive", "1"]) == 2
+    assert "--drive is of recorded drives" in capsys.readouterr().err
+    for name, content in (("list", "[]"), ("no", "{}"), ("text", "a scene")):
+        (tmp_path / f"{name}.json").write_text(content)
+        assert main(["replay", f"{name}.json", "--html", "x"]) == 1
+        assert f"{name}.json: it holds no scene" in capsys.readouterr().err
     write_drives("cart.csv", [cart], "made up")
     (tmp_path / "cart.yaml").write_text(
         "pose: planar\ncolumns: {speed: m/s}\nactions: {left: 1, right: 1}\n"
@@ -198,4 +202,5 @@ def test_the_command_writes_a_page_of_a_scene_and_of_recordings(
     ):
         assert main([*words.split(), *wrong.split()]) == 2
         assert said in capsys.readouterr().err
-    assert main(["replay", "none.npz", "--html", "x"]) == 1
+    for missing in ("none.npz", "none.json"):
+        assert main(["replay", missing, "--html", "x"]) == 1
