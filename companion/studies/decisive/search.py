@@ -39,11 +39,12 @@ BEST: dict[str, tuple[int, ...]] = {
     "sidm": (3, 10),
     "pretrain_finetune": (3, 9),
 }
-#: System -> method -> number of the draw chosen for recipe T, the better of the two
-#: by the geometric mean of three `scores`; a system is missing until its search has
-#: been run.
+#: System -> method -> number of the draw chosen for recipe T. On system 1 it is the
+#: better of the two best by the geometric mean of three `scores`, on system 2 the best
+#: of one each; a method is missing until its search has been run.
 CHOSEN: dict[str, dict[str, int]] = {
     "system1": {"novice_only": 0, "sidm": 10, "pretrain_finetune": 3},
+    "system2": {"novice_only": 11, "sidm": 10},
 }
 
 #: Each method's settings in the book before: changes of an untuned preset.
