@@ -37,14 +37,6 @@ def decisive(store):
     return verdicts.results(Study("study", "data", store.folder), store)
 
 
-@pytest.fixture(scope="module")
-def stored():
-    """Results behind the README's numbers."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        return headline.stored_results("no data")
-
-
 def ratios(rows) -> list[str]:
     """Texts of the ratios of verdicts."""
     return [Interval(r.value, r.low, r.high).text(2) for r in rows.itertuples()]
@@ -130,44 +122,23 @@ def test_the_books_readings_are_those_of_its_parts(store, decisive):
     assert len(readings.page_table(rows)) == len(rows) > 9
 
 
-def test_the_readme_says_what_is_stored(stored):
-    """Every number in bold has its rows and its command."""
+def test_the_readme_says_what_is_stored(monkeypatch):
+    """Its numbers in bold are those of chapters, each with its interval."""
+    monkeypatch.chdir(ROOT)
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    rows = headline.headlines(stored)
-    numbers = [row.number for row in rows]
-    assert re.findall(r"\*\*([\d.]+)\*\*", text) == numbers, "write its sentences anew"
-    assert all(row.rows > 10 for row in rows)
-    assert len({row.quantity for row in rows}) == 15
-    for command in {row.command for row in rows}:
-        build_parser().parse_args(command.split()[1:])
+    texts = [number.number for number in headline.glued_numbers(headline.README)]
+    numbers = re.findall(r"[\d.]+", " ".join(texts))
+    bold = re.findall(r"\*\*([\d.]+)\*\*", text)
+    assert bold == numbers and len(bold) == 15, "write its sentences anew"
     assert (ROOT / headline.FIGURE).stat().st_size < 200_000
 
 
-def test_another_store_would_have_other_numbers(stored):
-    def numbers(**changed):
-        return [row.number for row in headline.headlines(stored._replace(**changed))]
-
-    def with_half(method):
-        factor = 1 + (stored.quick.method == method)
-        value = stored.quick.validation_loss / factor
-        return numbers(quick=stored.quick.assign(validation_loss=value))
-
-    usual = numbers()
-    assert with_half("novice_only") != usual
-    assert with_half("sidm") == usual, "they are of the decisive experiment"
-    assert with_half("pretrain_finetune")[9:] != usual[9:]
-    assert with_half("pretrain_finetune")[:9] == usual[:9]
-    few = stored.decisive[stored.decisive.seed < 3]
-    assert numbers(decisive=few)[:3] != usual[:3]
-    assert numbers(quick=stored.quick[:0], decisive=stored.decisive[:0]) == []
-
-
-def test_every_number_of_the_first_page_has_its_chapter_and_its_command(monkeypatch):
+def test_every_number_of_readme_and_first_page_has_its_command(monkeypatch):
     monkeypatch.chdir(ROOT)
     text = headline.FIRST_PAGE.read_text(encoding="utf-8")
-    numbers = list(headline.glued_numbers(text))
-    assert len(numbers) == text.count("{glue:text}") > 0
-    for number in numbers:
+    names = headline.GLUED.findall(text)
+    assert len(names) == text.count("{glue:text}") > 0
+    for number in headline.glued_numbers([*headline.README, *names]):
         assert re.match(r"(at least )?-?\d", number.number), number
         build_parser().parse_args(number.command.split()[1:])
 
