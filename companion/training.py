@@ -70,23 +70,17 @@ class StudyTraining(Training):
 
     def hooks(self) -> tuple[Any, ...]:
         """The hooks that these settings add to the training loop."""
-        from companion.extensions.matching import (
-            DISTANCES,
-            DistanceMatching,
-            GradientReversal,
-        )
-        from companion.extensions.mirror import Mirroring
-        from companion.extensions.weight_hooks import PullToStart, WeightAverage
+        from companion.extensions import hooks
 
-        hooks: list[Any] = []
+        added: list[Any] = []
         if self.regularise and self.matching == "reversal":
-            hooks.append(GradientReversal(self.reversal_weight))
-        if self.regularise and self.matching in DISTANCES:
-            hooks.append(DistanceMatching(self.matching))
+            added.append(hooks.GradientReversal(self.reversal_weight))
+        if self.regularise and self.matching in hooks.DISTANCES:
+            added.append(hooks.DistanceMatching(self.matching))
         if self.tether:
-            hooks.append(PullToStart(self.tether))
+            added.append(hooks.PullToStart(self.tether))
         if self.averaging:
-            hooks.append(WeightAverage(self.averaging))
+            added.append(hooks.WeightAverage(self.averaging))
         if self.mirror:
-            hooks.append(Mirroring())
-        return tuple(hooks)
+            added.append(hooks.Mirroring())
+        return tuple(added)

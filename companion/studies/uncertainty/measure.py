@@ -25,8 +25,8 @@ from companion.extensions.distributions import (
     ConstantSpread,
     DistributionModel,
     StochasticPredictor,
+    train_distributions,
 )
-from companion.extensions.likelihood import train_distributions
 from companion.extensions.particles import (
     DRAWS,
     LEVELS,

@@ -12,8 +12,9 @@ from companion.extensions.distributions import (
     ConstantSpread,
     DistributionModel,
     Gaussian,
+    mean_nll,
+    train_distributions,
 )
-from companion.extensions.likelihood import mean_nll, train_distributions
 from companion.extensions.particles import (
     central_interval,
     one_step,

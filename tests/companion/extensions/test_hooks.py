@@ -5,15 +5,17 @@ import pytest
 import torch
 from torch.nn.functional import softplus
 
-from companion.extensions.matching import (
+from companion.extensions.hooks import (
     DISTANCES,
+    WARM_UP,
     DistanceMatching,
     GradientReversal,
+    PullToStart,
+    WeightAverage,
     coral,
+    mirrored,
     mmd,
 )
-from companion.extensions.mirror import mirrored
-from companion.extensions.weight_hooks import WARM_UP, PullToStart, WeightAverage
 from sidm.learning import Windows, encode_inputs, robot_centred_map, transition
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.training import prediction_phase
