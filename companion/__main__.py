@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import functools
 import sys
 from collections.abc import Sequence
 
@@ -27,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = Parser(prog="companion", description=DESCRIPTION)
     parser.add_argument("--version", action="version", version=__version__)
-    names = ("collect", "train", "run", "show", "merge", "bench", "notebook")
+    names = ("collect", "run", "show", "merge", "bench", "notebook")
     command = command_adder(parser, names)
 
     text = "Simulate the data that a preset lacks; what is on disk is kept."
@@ -43,19 +42,6 @@ def build_parser() -> argparse.ArgumentParser:
     collect.add_argument("--workers", type=whole_number, metavar="N", help=text)
     _add_dask(collect)
 
-    text = "Run one trial and store its result; goes on from its checkpoint."
-    train = command("train", commands.run_train, text)
-    _add_preset(train)
-    add = train.add_argument
-    add("--system", required=True, choices=PAIRS, help="the pair of robots")
-    add("--method", default="sidm", help="sidm, novice_only, ... (%(default)s)")
-    text = "novice data, minutes of motion"
-    add("--minutes", type=float, required=True, help=text)
-    seed = functools.partial(whole_number, least=0)
-    text = "of the novice subset, the weights and the batches (%(default)s)"
-    add("--seed", type=seed, default=0, help=text)
-    _add_device(train)
-
     text = "Run the trials of a figure that are not stored; can be stopped and goes on."
     run = command("run", commands.run_run, text)
     _add_preset(run)
@@ -67,11 +53,10 @@ def build_parser() -> argparse.ArgumentParser:
     text = "train N trials side by side on the device, instead of in processes"
     add("--bundle", type=whole_number, default=0, metavar="N", help=text)
     _add_dask(run)
-    text = "only trials whose data lie under --data"
-    add("--here", action="store_true", help=text)
     text = "stop a bundle after so long; the same command goes on"
     add("--seconds", type=whole_number, metavar="N", help=text)
-    _add_device(run)
+    text = "where to compute, cpu or cuda (%(default)s)"
+    add("--device", type=_device, default="cpu", help=text)
 
     text = "List what is stored, stale (made by older code) and missing."
     show = command("show", commands.run_show, text)
@@ -130,6 +115,8 @@ def _add_grid(
     sizes = "only these novice dataset sizes, minutes of motion"
     add("--minutes", type=float, nargs="+", help=sizes)
     add("--seeds", type=int, nargs="+", help="only these seeds")
+    text = "only these methods: sidm, novice_only, ..."
+    add("--methods", nargs="+", metavar="NAME", help=text)
 
 
 def _add_steps(parser: argparse.ArgumentParser) -> None:
@@ -141,11 +128,6 @@ def _add_dask(parser: argparse.ArgumentParser) -> None:
     text = "work on a Dask cluster instead: its scheduler, tcp://HOST:PORT or a "
     text += "scheduler file"
     parser.add_argument("--dask", metavar="ADDRESS", help=text)
-
-
-def _add_device(parser: argparse.ArgumentParser) -> None:
-    text = "where to compute, cpu or cuda (%(default)s)"
-    parser.add_argument("--device", type=_device, default="cpu", help=text)
 
 
 def _device(name: str) -> str:

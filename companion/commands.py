@@ -32,13 +32,14 @@ def _study(arguments: argparse.Namespace):
 
 
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:
-    """The trials that --figure, --system, --minutes, --seeds and --steps name."""
+    """The trials that --figure and the options that choose among them name."""
     return registry.grid(
         preset,
         figure=arguments.figure,
         system=arguments.system,
         minutes=arguments.minutes,
         seeds=arguments.seeds,
+        methods=arguments.methods,
         data=arguments.data,
         results=arguments.results,
         steps=getattr(arguments, "steps", None),  # which `show` does not have
@@ -58,8 +59,9 @@ def run_collect(arguments: argparse.Namespace) -> int:
     preset, data, results = _preset(arguments), arguments.data, arguments.results
     if arguments.figure:
         needed: dict = motion_of(_trials(arguments, preset))
-    elif arguments.minutes or arguments.seeds:
-        raise ConfigError("--minutes and --seeds are of a figure: name one, --figure 3")
+    elif arguments.minutes or arguments.seeds or arguments.methods:
+        choices = "--minutes, --seeds and --methods"
+        raise ConfigError(f"{choices} are of a figure: name one, --figure 3")
     else:
         systems = [arguments.system] if arguments.system else SYSTEMS
         needed = all_datasets(preset, systems)
@@ -86,27 +88,12 @@ def run_collect(arguments: argparse.Namespace) -> int:
     return int(different)
 
 
-def run_train(arguments: argparse.Namespace) -> int:
-    """Run one trial; print the file of its result and its validation loss."""
-    from companion import Results
-    from companion.engine.run import run_here
-
-    trial = _study(arguments).trial(
-        arguments.system, arguments.method, arguments.minutes, arguments.seed
-    )
-    store = Results(arguments.results)
-    row = run_here(trial, arguments.data, store, device=arguments.device)
-    print(f"{store.path}: validation loss {row.outcome.validation_loss:.6g}")
-    return 0
-
-
 def run_run(arguments: argparse.Namespace) -> int:
     """Run what is missing of a figure; print how much is stored.
 
     The exit status is 1 if something is still missing at the end.
     """
     from companion import Results, run
-    from companion.engine.datasets import missing_motion
 
     entry = registry.find(arguments.figure)
     if entry is not None:
@@ -114,9 +101,6 @@ def run_run(arguments: argparse.Namespace) -> int:
         print(f"missing: {missing}")
         return int(missing > 0)
     trials = _trials(arguments, _preset(arguments))
-    if arguments.here:
-        data = arguments.data
-        trials = [trial for trial in trials if not any(missing_motion([trial], data))]
     store = Results(arguments.results)
     with executor_at(arguments.dask) as executor:
         run(

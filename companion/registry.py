@@ -2,7 +2,7 @@
 
 - A grid has trials as its results.
 - A study has records. Its module has `jobs`, `measure` and `records`.
-- A measurement has one file. Its module has `make`.
+- A measurement has one file. Its module has `make`, which returns what is stored.
 
 Modules are imported when they are needed, because most import PyTorch.
 """
@@ -91,8 +91,13 @@ class Measurement(NamedTuple):
 
     def run(self, study: Study, pair: str | None, workers: int) -> int:
         """Measure, and write the file, where it lacks or is stale."""
+        from sidm.storage import write_record
+
         if self.state(study.results) != "stored":
-            importlib.import_module(f"companion.{self.module}").make(study, workers)
+            module = importlib.import_module(f"companion.{self.module}")
+            record = module.make(study, workers)
+            made = {"numerics": versions(self.kind)} if self.kind else {}
+            write_record(study.results / self.file, record | made)
         return 0
 
     def overview(self, study: Study, pair: str | None) -> tuple[list[str], int]:
@@ -183,23 +188,13 @@ MEASUREMENTS = {
 #: All names, in the order of the tables above.
 NAMES = (*FIGURES, *STUDIES, *MEASUREMENTS)
 
-#: Former names of grids -> today's names.
-_FORMER = {"yardsticks": "references", "ample": "most-data"}
-_FORMER_STUDIES = {"elsewhere": "recorded-targets", "experts": "several-experts"}
-
 
 def find(name: str) -> RecordStudy | Measurement | None:
     """The study or measurement of a name; None for a grid of trials, or 'all'."""
-    _refuse_former(name, _FORMER | _FORMER_STUDIES)
     entry = STUDIES.get(name) or MEASUREMENTS.get(name)
     if entry is None and name != "all" and find_figure(name) is None:
         raise unknown_name(name, (*NAMES, "all"), kind="figure")
     return entry
-
-
-def _refuse_former(name: str, former: dict[str, str]) -> None:
-    if name in former:
-        raise ConfigError(f"figure '{name}' is called '{former[name]}' now")
 
 
 def find_figure(name: str) -> Figure | None:
@@ -223,6 +218,7 @@ def grid(
     system: str | None = None,
     minutes: Sequence[float] | None = None,
     seeds: Sequence[int] | None = None,
+    methods: Sequence[str] | None = None,
     data: str | Path = "data",
     results: str | Path = "results",
     steps: Sequence[str] | None = None,
@@ -230,16 +226,15 @@ def grid(
     """The trials of a figure, each once.
 
     `figure` is a name that `find_figure` knows, or 'all' for all figures of the preset.
-    `system`, `minutes` (novice dataset sizes) and `seeds` choose among its trials, as
-    `steps` does among those of the figure 'decisive'.
+    `system`, `minutes` (novice dataset sizes), `seeds` and `methods` choose among its
+    trials, as `steps` does among those of the figure 'decisive'.
 
     Raises:
         ConfigError: a name does not exist, or the figure does not have a system, a
-            size, a seed or steps.
+            size, a seed, a method or steps.
     """
     from companion.study import Study
 
-    _refuse_former(figure, _FORMER)
     if figure != "all" and find_figure(figure) is None:
         raise unknown_name(figure, (*FIGURES, "all"), kind="figure")
     if system is not None:
@@ -266,11 +261,12 @@ def grid(
             f"figure {figure} has no trials of {system}, only of {', '.join(known)}"
         )
     trials = _with_values(trials, "minutes", "novice_minutes", minutes)
-    return _with_values(trials, "seeds", "seed", seeds)
+    trials = _with_values(trials, "seeds", "seed", seeds)
+    return _with_values(trials, "methods", "method", methods)
 
 
 def _with_values(
-    trials: list[Trial], name: str, field: str, values: Sequence[float] | None
+    trials: list[Trial], name: str, field: str, values: Sequence[Any] | None
 ) -> list[Trial]:
     """The trials whose `field` has one of the `values`; all trials for None."""
     if values is None:
@@ -278,8 +274,12 @@ def _with_values(
     known = sorted({getattr(trial, field) for trial in trials})
     for value in values:
         if value not in known:
-            listed = ", ".join(f"{number:g}" for number in known)
-            raise ConfigError(f"{name} {value:g} is not in this grid; it has {listed}")
+            value, *listed = (
+                one if isinstance(one, str) else f"{one:g}" for one in (value, *known)
+            )
+            raise ConfigError(
+                f"{name} {value} is not in this grid; it has {', '.join(listed)}"
+            )
     return [trial for trial in trials if getattr(trial, field) in values]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -27,22 +27,14 @@ def is_here(
     return not missing_shards(Path(data), dataset.collection, wanted)
 
 
-def missing_motion(
-    trials: Iterable[Trial], data: str | Path = "data"
-) -> Iterator[Dataset]:
-    """The datasets of which trials need trajectories that are not under `data`."""
-    for dataset, which in motion_of(trials).items():
-        if not is_here(dataset, data, which):
-            yield dataset
-
-
 def refuse_missing_motion(trials: Iterable[Trial], data: str | Path = "data") -> None:
     """Refuse trials whose motion is not on this disk."""
-    for dataset in missing_motion(trials, data):
-        raise ConfigError(
-            f"the dataset {dataset.name} is not under {data}; 'companion collect "
-            "--preset NAME --figure NAME' makes what trials need"
-        )
+    for dataset, which in motion_of(trials).items():
+        if not is_here(dataset, data, which):
+            raise ConfigError(
+                f"the dataset {dataset.name} is not under {data}; 'companion collect "
+                "--preset NAME --figure NAME' makes what trials need"
+            )
 
 
 @functools.lru_cache(maxsize=256)

@@ -29,7 +29,7 @@ from companion.engine.store import Results
 from companion.numerics import version_label
 from companion.trials import Trial, motion_of
 from sidm.config import ConfigError
-from sidm.learning.stopping import CurvePoint, TrainingError
+from sidm.learning.stopping import CurvePoint
 from sidm.pool import as_completed, local_pool
 from sidm.progress import Bar, progress_bar
 
@@ -202,39 +202,6 @@ class _Runner(NamedTuple):
                 f"a worker was killed (out of memory?); {lost} trials not done, "
                 "run again to go on"
             )
-
-
-def run_here(
-    trial: Trial,
-    data: str | Path = "data",
-    results: Results | str | Path = "results",
-    progress: bool = True,
-    device: str = "cpu",
-) -> Row:
-    """Run one trial in this process and store it, unless a row of today's numbers is.
-
-    The bar counts samples up to `max_samples`, which early stopping seldom lets a trial
-    reach.
-    """
-    store = results if isinstance(results, Results) else Results(results)
-    stored = store.get(trial)
-    if stored is not None and not stored.provenance.stale:
-        return stored
-    refuse_missing_motion([trial], data)
-    _refuse_other_motion([trial], data, store)
-    most, folder = trial.training.max_samples, checkpoint_folder(data, trial)
-    with progress_bar(most, str(trial), "sample", progress, scaled=True) as bar:
-
-        def show(tested: CurvePoint) -> None:
-            bar.set_postfix(test_loss=f"{tested.test_loss:.4g}", refresh=False)
-            bar.update(tested.samples - bar.n)
-
-        row = run_trial(trial, data, folder, show, device)
-    store.put(row)
-    shutil.rmtree(folder, ignore_errors=True)
-    if isinstance(row, Failure):
-        raise TrainingError(row.what, float(row.loss), row.iteration)
-    return row
 
 
 def collect_and_run(

@@ -1,6 +1,5 @@
 """The command line: its output and its exit status."""
 
-import importlib
 import pkgutil
 import signal
 import subprocess
@@ -15,7 +14,6 @@ from companion import Results, Study, load_preset
 from companion.__main__ import main
 from companion.registry import NAMES
 from ownrobot.__main__ import main as ownrobot_main
-from sidm.learning import CheckpointError
 from sidm.shards import read_shard
 from sidm.systems import SYSTEMS
 
@@ -72,16 +70,14 @@ def test_without_pybullet_collecting_alone_is_an_error_of_one_line(tmp_path):
 
 
 def test_help_names_every_figure_and_shows_defaults_and_units(capsys):
-    text = {}
-    for command in ("train", "run"):
-        with pytest.raises(SystemExit) as stop:
-            main([command, "--help"])
-        assert stop.value.code == 0
-        text[command] = capsys.readouterr().out
+    with pytest.raises(SystemExit) as stop:
+        main(["run", "--help"])
+    assert stop.value.code == 0
+    text = capsys.readouterr().out
     for words in ("minutes of motion", "(laptop)", "(data)"):
-        assert words in text["train"]
+        assert words in text
     # lines break at hyphens, too
-    assert f"{','.join(NAMES)}orall" in "".join(text["run"].split())
+    assert f"{','.join(NAMES)}orall" in "".join(text.split())
 
 
 @pytest.mark.parametrize(
@@ -92,11 +88,9 @@ def test_help_names_every_figure_and_shows_defaults_and_units(capsys):
         ("show --set pixels", "--set takes NAME=VALUE, not 'pixels'"),
         ("show --set pixels=big", "'Network.pixels' must be int, not str ('big')"),
         ("show --minutes 3", "not in this grid; it has 1, 2, 5, 20, 60, 120"),
-        ("train --system system1 --minutes 500", "at most pool_minutes (120), not 500"),
-        ("train --system system1 --minutes 5 --method sdim", "did you mean 'sidm'?"),
+        ("show --methods sdim", "not in this grid; it has novice_only, pretrain"),
         ("run --preset smoke", "companion collect --preset"),  # no data
         ("run --workers 0", "--workers"),
-        ("train", "--system"),
     ],
 )
 def test_arguments_that_cannot_be_used(words, message, capsys, tmp_path):
@@ -113,7 +107,11 @@ def test_arguments_that_cannot_be_used(words, message, capsys, tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "count"),
-    [("--figure 4", 60), ("--system system2 --minutes 5 20 --seeds 0", 6)],
+    [
+        ("--figure 4", 60),
+        ("--system system2 --minutes 5 20 --seeds 0", 6),
+        ("--minutes 5 --seeds 0 --methods sidm novice_only", 4),
+    ],
 )
 def test_show_counts_what_is_missing(words, count, tmp_path, capsys):
     assert main(["show", *words.split(), "--results", str(tmp_path)]) == 0
@@ -121,7 +119,7 @@ def test_show_counts_what_is_missing(words, count, tmp_path, capsys):
 
 
 @pytest.mark.more
-def test_collect_train_run_show(tmp_path, capsys):
+def test_collect_run_show(tmp_path, capsys):
     """Collect, run one trial and then the rest, with the real simulator."""
     pytest.importorskip("pybullet")
     data, results = tmp_path / "data", tmp_path / "results"
@@ -134,25 +132,12 @@ def test_collect_train_run_show(tmp_path, capsys):
         return capsys.readouterr().out
 
     assert len(said("collect", "--workers", "2").splitlines()) == 4
-    trained = said("train", "--minutes", "0.25", "--method", "novice_only")
-    assert "validation loss" in trained
+    assert "1 of 1 trials stored" in said("run", "--methods", "novice_only")
     assert said("show").splitlines()[-1] == "missing: 2"
     assert "3 of 3 trials stored" in said("run", "--workers", "1")
     trials = Study(load_preset("smoke", **CHANGES), data, results).figure3("system1")
     stale = [row.provenance.stale for row in Results(results).rows(trials)]
     assert stale == [False] * 3
-
-
-def test_an_error_of_training_is_one_line(tmp_path, capsys, monkeypatch):
-    def damaged(*_, **__):
-        raise CheckpointError("checkpoint.npz: the checkpoint is damaged (x)")
-
-    module = importlib.import_module("companion.engine.run")
-    monkeypatch.setattr(module, "run_here", damaged)
-    words = f"train --preset smoke --system system1 --minutes 0.5 --results {tmp_path}"
-    assert main(words.split()) == 1
-    message = "companion: checkpoint.npz: the checkpoint is damaged (x)\n"
-    assert capsys.readouterr().err == message
 
 
 @pytest.mark.more

@@ -198,7 +198,6 @@ def test_grids_share_trials_and_seeds_pair_the_methods():
     [
         ((), [3], "minutes 3 is not in this grid; it has 1, 2, 5, 20, 60, 120"),
         (("4", "system2"), None, "figure 4 has no trials of system2"),
-        (("yardsticks",), None, "'yardsticks' is called 'references' now"),
         (("p_expert",), None, "did you mean 'p-expert'"),
     ],
 )

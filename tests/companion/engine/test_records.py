@@ -92,8 +92,6 @@ def test_what_is_run_goes_by_its_name():
     assert find("3") is find("all") is find("components") is None  # grids
     assert grid("smoke", "components", "system1")  # a module of studies with trials
     assert find("driving") is STUDIES["driving"] and find("gap") is MEASUREMENTS["gap"]
-    with pytest.raises(ConfigError, match="'elsewhere' is called 'recorded-targets'"):
-        find("elsewhere")
     with pytest.raises(ConfigError, match="did you mean 'driving'?"):
         find("drivng")
 

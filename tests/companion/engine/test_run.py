@@ -16,7 +16,7 @@ from companion.engine.datasets import digest_of, digests_of, is_here
 from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.records import ProvenanceTimer, one_line, rounded
-from companion.engine.run import checkpoint_folder, run_here
+from companion.engine.run import checkpoint_folder
 from companion.numerics import versions
 from companion.trials import motion_of
 from sidm.config import ConfigError, replace
@@ -118,7 +118,7 @@ def test_local_processes_agree_with_this_one(trials, data, tmp_path):
     ]
     one, two = ([row.outcome for row in store.rows(trials)] for store in stores)
     assert one == two and len(one) == 2
-    here = run_here(trials[0], data, tmp_path / "other").outcome
+    here = perform(trials[0], data)[0]
     assert rounded(here.position_error) == list(one[0].position_error)
     assert rounded(here.validation_loss) == one[0].validation_loss
 
@@ -209,7 +209,7 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     assert said.count("not compared, since no results are made with it") == 3
     assert known_motion.read(results)[expert.name].digests == ("elsewhere", here)
     (trial,) = Study(tiny, data, results).points("system1", ["novice_only"], [0.25])
-    row = run_here(trial, data, results, progress=False)
+    row = run([trial], data=data, results=results, progress=False).get(trial)
     timed = ProvenanceTimer("driving", trial, data).done()
     assert timed.digests == row.provenance.digests
     assert Results(results).frame().repeated.tolist() == [True]
@@ -218,7 +218,7 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     strange = dataclasses.replace(first, digest="elsewhere", likeness=likeness)
     known_motion.note([strange], results)
     with pytest.raises(known_motion.OtherMotion, match="name another folder"):
-        run_here(trial.replace(seed=1), data, results, progress=False)
+        run([trial.replace(seed=1)], data=data, results=results, progress=False)
 
 
 def test_what_free_struts_did_depends_on_the_version_of_their_motion(study, make_row):
