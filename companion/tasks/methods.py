@@ -75,8 +75,11 @@ class LibraryMethod:
         self, novice: Sequence[Drive], expert: Sequence[Drive], seed: int
     ) -> LibraryModel:
         """A model of the novice."""
-        from ownrobot.fitting.learning import refuse_method, require_packages
-        from ownrobot.fitting.settings import SETTINGS
+        from ownrobot.fitting.learning import (
+            SETTINGS,
+            refuse_method,
+            require_packages,
+        )
         from ownrobot.fitting.single import fit_drives
         from ownrobot.methods.registry import METHODS
 

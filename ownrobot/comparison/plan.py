@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ownrobot.fitting.learning import refuse_method
-from ownrobot.fitting.settings import Settings
+from ownrobot.fitting.learning import Settings, refuse_method
 from ownrobot.fitting.splits import Split, folds, groups_of, share_of
 from sidm.body import Body
 from sidm.config import ConfigError

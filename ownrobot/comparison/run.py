@@ -23,7 +23,7 @@ from ownrobot.comparison.plan import (
 from ownrobot.comparison.result import Comparison, FitResult
 from ownrobot.comparison.store import digest_of, file_of, read_outcome, write_outcome
 from ownrobot.fitting.arguments import robots_from
-from ownrobot.fitting.settings import NOTHING, settings_with, without_effect
+from ownrobot.fitting.learning import NOTHING, settings_with, without_effect
 from ownrobot.fitting.single import data_of, fit_drives, pretrained
 from ownrobot.fitting.windows import common_length
 from ownrobot.methods.registry import METHODS

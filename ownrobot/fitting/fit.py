@@ -15,9 +15,13 @@ import torch
 from ownrobot.fitting.arguments import drives_from, robots_from
 from ownrobot.fitting.errors import DriveLosses
 from ownrobot.fitting.files import ABOUT, refuse_folder
-from ownrobot.fitting.learning import refuse_method
+from ownrobot.fitting.learning import (
+    NOTHING,
+    refuse_method,
+    settings_with,
+    without_effect,
+)
 from ownrobot.fitting.model import Model
-from ownrobot.fitting.settings import NOTHING, settings_with, without_effect
 from ownrobot.fitting.single import fit_drives
 from ownrobot.fitting.splits import Split, evaluation_splits
 from sidm.config import ConfigError, Notice, first_line

@@ -1,12 +1,13 @@
-"""Training of a method on drives of any body, for `fit` and for real robots."""
+"""Training of a method on drives of any body, and the settings that it has."""
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
-from ownrobot.fitting.settings import SETTINGS, Settings
 from ownrobot.methods import boosting, gaussian_process, kinematics
 from ownrobot.methods import least_squares as squares
 from ownrobot.methods.closed_form import learn_trivial
@@ -18,11 +19,10 @@ from ownrobot.methods.fine_tuning import (
     pretraining_datasets,
 )
 from ownrobot.methods.pooled import Pooled, pooled_datasets, pooled_units
-from ownrobot.methods.registry import METHODS
+from ownrobot.methods.registry import METHODS, Method
 from sidm.body import Body
-from sidm.config import ConfigError, replace, unknown_name
-from sidm.drives import Drive
-from sidm.learning.dataset import Datasets, windows_of
+from sidm.config import ConfigError, config, replace, unknown_name
+from sidm.learning.dataset import Datasets
 from sidm.learning.training import Trained, train
 from sidm.learning.units import (
     Standardisation,
@@ -31,10 +31,109 @@ from sidm.learning.units import (
     loss_weights,
     role_units,
 )
-from sidm.settings import Network
+from sidm.settings import Network, Training
 
 #: The method of each way to fit that needs no expert.
 ALONE = {"least_squares": "least_squares", "trees": "trees", "gaussian_process": "gp"}
+
+#: Settings of what encodes a height map.
+MAPS = {"pixels", "channels", "kernel"}
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+@config
+class Settings:
+    """Networks and training of every method."""
+
+    network: Network
+    training: Training
+    #: (method, name of a training setting, value that replaces `training`'s)
+    tuned: tuple[tuple[str, str, Any], ...] = ()
+
+    def training_of(self, method: Method) -> Training:
+        """A method's training on the novice, with the method's tuned values."""
+        tuned = {name: v for owner, name, v in self.tuned if owner == method.tuned_as}
+        return method.training(self.training, tuned)
+
+    def with_values(self, values: Mapping[str, Any]) -> Settings:
+        """The settings with new values of some fields of network or training, by name.
+
+        The values hold for every method: they replace tuned values, too. The method
+        sets `regularise` and the robots' drives set the bodies, so neither can be
+        given.
+        """
+        network, training = (
+            {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+            for kind in (Network, Training)
+        )
+        network = {name for name in network if not name.endswith("_body")}
+        known = network | training - {"regularise"}
+        for name in values:
+            if name not in known:
+                raise unknown_name(name, sorted(known), kind="setting")
+        sizes = {name: value for name, value in values.items() if name in network}
+        others = {name: value for name, value in values.items() if name in training}
+        return Settings(
+            network=replace(self.network, **sizes),
+            training=replace(self.training, **others),
+            tuned=tuple(entry for entry in self.tuned if entry[1] not in values),
+        )
+
+
+#: For minutes of motion of robots that see no ground; the same networks and patience
+#: for every method. `p_expert` is the paper's p_e = 0.75 for similar robots (Training's
+#: default). The tuned values were chosen on system 1.
+SETTINGS = Settings(
+    network=Network(pixels=32, layers=1, hidden=128),
+    training=Training(
+        batch=16,
+        discriminator_batch=16,
+        matching_batch=16,
+        patience=100_000,
+        max_samples=1_500_000,
+    ),
+    tuned=(
+        ("novice_only", "weight_decay", 0.1),
+        ("sidm", "matching_iterations", 5),
+        ("pretrain_finetune", "learning_rate", 1e-4),
+    ),
+)
+
+
+def settings_with(
+    network: Network | None = None,
+    training: Training | None = None,
+    values: Mapping[str, Any] = NOTHING,
+) -> Settings:
+    """SETTINGS with other networks, another training or single other values by name.
+
+    A training replaces tuned values, too; its `p_expert` holds for methods that learn
+    from the expert's drives.
+    """
+    settings: Settings = SETTINGS
+    if network is not None:
+        settings = replace(settings, network=network)
+    if training is not None:
+        settings = replace(settings, training=training, tuned=())
+    return settings.with_values(values)
+
+
+def without_effect(
+    methods: Sequence[str], values: Iterable[str], body: Body, device: str = "cpu"
+) -> str:
+    """A line that names settings which change nothing in any of some methods, or ''."""
+    configs = [METHODS[name] for name in methods]
+    unused = [
+        name
+        for name in values
+        if not any(config.uses(name) for config in configs)
+        or (name in MAPS and not body.map_size)
+    ]
+    if device != "cpu" and not any(config.uses("hidden") for config in configs):
+        unused.append(f"device {device}")
+    if not unused:
+        return ""
+    return f"{', '.join(unused)}: without effect on {', '.join(methods)}"
 
 
 def require_packages(method: str) -> None:
@@ -58,16 +157,9 @@ def refuse_method(method: str, novice: Body, expert: Body | None) -> None:
         )
     network = Network(novice_body=novice, expert_body=expert)
     if config.needs_one_body and not network.same_body:
-        others = ALONE.get(config.fit, "")
-        kind = "trees" if config.fit == "trees" else "least squares"
-        needed = f"corrects the expert's {kind}"
-        if config.fit == "gradients" or config.pretrained:
-            needed = "copies the expert's encoder and decoder"
-            others = "sidm or core_finetune"
-        elif config.pooled:
-            needed = "learns from the samples of both robots as one"
+        others = "sidm or core_finetune" if config.pretrained else ALONE[config.fit]
         raise ConfigError(
-            f"{method} {needed}, which needs robots of one body; take {others}"
+            f"{method} ({config.label}) needs robots of one body; take {others}"
         )
     require_packages(method)
     if config.fit == "kinematics":
@@ -79,22 +171,6 @@ def network_for(
 ) -> Network:
     """Networks of the settings' sizes for robots with these bodies."""
     return replace(settings.network, novice_body=novice, expert_body=expert or novice)
-
-
-def datasets(
-    train_part: Sequence[Drive],
-    test_part: Sequence[Drive],
-    validation: Sequence[Drive],
-    expert: Sequence[Drive] | None,
-    pixels: int = 0,
-) -> Datasets:
-    """Drives of equal length as tensors."""
-    return Datasets(
-        windows_of(train_part, pixels),
-        windows_of(test_part, pixels),
-        windows_of(validation, pixels),
-        None if expert is None else windows_of(expert, pixels),
-    )
 
 
 def units_in(sets: Datasets, network: Network) -> Units:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from torch import Tensor
 
 from ownrobot.fitting import learning
+from ownrobot.fitting.learning import Settings
 from ownrobot.fitting.model import Model
-from ownrobot.fitting.settings import Settings
 from ownrobot.fitting.splits import divided, session_order, train_test_split
 from ownrobot.fitting.windows import common_length, cut
 from ownrobot.methods.fine_tuning import Pretrained
@@ -21,7 +21,7 @@ from ownrobot.methods.registry import METHODS
 from sidm.config import ConfigError, Notice
 from sidm.drives import Drive, minutes_of
 from sidm.learning.arithmetic import one_thread
-from sidm.learning.dataset import Datasets
+from sidm.learning.dataset import Datasets, Windows, windows_of
 from sidm.learning.stopping import CurvePoint
 from sidm.learning.training import Trained
 from sidm.learning.units import loss_weights, role_units
@@ -58,13 +58,15 @@ def data_of(
     if not all(any(len(drive) >= steps for drive in part) for part in parts):
         long = [drive for drive in drives if len(drive) >= steps]
         parts = train_test_split(long, session_order(long, seed))
-    train, test = (cut(part, steps, overlap=True) for part in parts)
     body = novice[0].body
     network = learning.network_for(settings, body, expert[0].body if expert else None)
-    expert_windows = cut(expert, steps, overlap=True) if expert else None
-    sets = learning.datasets(train, test, test, expert_windows, network.pixels)
+
+    def windows(part: Sequence[Drive]) -> Windows:
+        return windows_of(cut(part, steps, overlap=True), network.pixels)
+
+    train, test = map(windows, parts)
     # `Model.evaluate` takes drives of its own: nothing is validated while training
-    sets = sets._replace(validation=sets.test.first(0))
+    sets = Datasets(train, test, test.first(0), windows(expert) if expert else None)
     return Data(sets, network, steps, settings, seed)
 
 

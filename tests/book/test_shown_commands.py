@@ -10,7 +10,7 @@ import pytest
 from pages import ROOT, source
 from places import copy_tree, run_python
 
-from ownrobot.fitting import settings
+from ownrobot.fitting import learning
 
 BLOCKS = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -132,7 +132,7 @@ def test_the_python_of_ones_own_robot_runs(tmp_path, monkeypatch, capsys):
         shutil.copy(ROOT / "recordings" / f"{robot}.csv.gz", tmp_path)
     shutil.copy(ROOT / "recordings" / "skid_steer.yaml", tmp_path / "robot.yaml")
     small = {"max_samples": 4000, "hidden": 16, "pixels": 8}
-    monkeypatch.setattr(settings, "SETTINGS", settings.SETTINGS.with_values(small))
+    monkeypatch.setattr(learning, "SETTINGS", learning.SETTINGS.with_values(small))
     monkeypatch.chdir(tmp_path)
     made = {}
     exec(code, made)  # noqa: S102 - the page's own

@@ -1,7 +1,7 @@
 """Real robots as novice and expert: models from seconds to minutes of motion.
 
 `companion run --figure real-robots` makes the results that are not stored in
-results/real_robots yet. Sessions are contiguous in time; none is divided between
+results/real_robots.jsonl yet. Sessions are contiguous in time; none is divided between
 training and evaluation. Each seed evaluates on other sessions.
 """
 
@@ -19,8 +19,13 @@ from companion.presets import Preset
 from companion.study import Study
 from companion.training import StudyTraining
 from ownrobot.body_file import read_body
-from ownrobot.fitting.learning import datasets, learn, network_for, pretrain
-from ownrobot.fitting.settings import SETTINGS, Settings
+from ownrobot.fitting.learning import (
+    SETTINGS,
+    Settings,
+    learn,
+    network_for,
+    pretrain,
+)
 from ownrobot.fitting.splits import drives_of_sessions, session_order, train_test_split
 from ownrobot.fitting.windows import common_length, cut, rollouts
 from ownrobot.methods.fine_tuning import Pretrained
@@ -177,10 +182,12 @@ def measure(about: Transfer, data: str | Path = "data") -> TransferResult:
     units = Standardisation.fit(windows_of(drives_of_sessions(novice, pool), 0))
     weights = loss_weights(novice[0].body, units)
     motion, sizes = windows_of(validation, 0), []
+    others = windows_of(expert, 0) if expert else None
     with one_thread():
         for size in about.sessions:
             parts = train_test_split(novice, pool[:size])
-            sets = datasets(*parts, validation, expert)
+            train, test = (windows_of(part, 0) for part in parts)
+            sets = Datasets(train, test, motion, others)
             trained = _learn(about, sets, novice[0].body)
             with torch.inference_mode():
                 predicted, _ = trained.model("novice", motion.inputs, motion.maps)

@@ -176,7 +176,7 @@ def test_the_librarys_methods_say_for_which_robots_they_are_not(monkeypatch):
     novice, expert, _ = load_task(TASK, 0)
     body = replace(expert[0].body, actions=(("left", "1"), ("right", "1")))
     others = [dataclasses.replace(drive, body=body) for drive in expert]
-    with pytest.raises(NotImplementedError, match="which needs robots of one body"):
+    with pytest.raises(NotImplementedError, match="needs robots of one body"):
         LibraryMethod("trees_corrected").fit(novice, others, 0)
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     with pytest.raises(ConfigError, match="needs scikit-learn"):

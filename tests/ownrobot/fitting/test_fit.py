@@ -17,13 +17,13 @@ from ownrobot import __main__ as command_line
 from ownrobot.body_file import read_body
 from ownrobot.commands.tables import csv_text
 from ownrobot.fitting import fit as fitting
-from ownrobot.fitting import settings, single
+from ownrobot.fitting import learning, single
 from ownrobot.methods.registry import METHODS
 from ownrobot.recordings import read_drives, write_drives
 from sidm.body import ROVER
 from sidm.config import ConfigError, Notice, replace
 from sidm.drives import STEPS
-from sidm.learning import Network, Training, trainer
+from sidm.learning import Network, Training
 from tests.ownrobot.cart import CART, cart_drive
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
@@ -34,8 +34,8 @@ HUNTER = read_body(RECORDINGS / "hunter.yaml")
 
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch):
-    few = settings.SETTINGS.with_values({"max_samples": 2_000, "hidden": 16})
-    monkeypatch.setattr(settings, "SETTINGS", few)
+    few = learning.SETTINGS.with_values({"max_samples": 2_000, "hidden": 16})
+    monkeypatch.setattr(learning, "SETTINGS", few)
 
 
 @pytest.fixture(scope="module")
@@ -48,15 +48,6 @@ def drives(tmp_path_factory):
         read = read_drives(folder / f"{name}.csv", body, skip_bad=True)
         found[name] = read[:40]
     return found
-
-
-def test_no_validation_is_computed_while_a_model_is_fitted(drives, monkeypatch):
-    """The trainer computes test losses by a default argument, validations by name."""
-    monkeypatch.setattr(trainer, "mean_loss", None)
-    monkeypatch.setattr(trainer, "validation_loss", None)
-    few = {"max_samples": 500}
-    pair = drives["warthog"], drives["husky"]
-    assert ownrobot.fit(*pair, "pretrain_finetune", settings=few).test_loss > 0
 
 
 #: one method for each kind of model on disk
@@ -87,8 +78,8 @@ def test_a_model_is_the_same_after_it_was_kept(drives, tmp_path, method):
 
 def test_training_may_be_ones_own_as_a_whole_or_by_single_values():
     """Otherwise the tuned values of each method hold."""
-    few = settings.settings_with(values={"p_expert": 0.5})
-    whole = settings.settings_with(training=Training(p_expert=0.9, weight_decay=0.3))
+    few = learning.settings_with(values={"p_expert": 0.5})
+    whole = learning.settings_with(training=Training(p_expert=0.9, weight_decay=0.3))
     for chosen, p_expert, decay in ((few, 0.5, 0.1), (whole, 0.9, 0.3)):
         alone = chosen.training_of(METHODS["novice_only"])
         assert (alone.p_expert, alone.weight_decay) == (0, decay)

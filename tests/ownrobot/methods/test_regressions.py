@@ -9,8 +9,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-from ownrobot.fitting.learning import learn, network_for, refuse_method
-from ownrobot.fitting.settings import SETTINGS
+from ownrobot.fitting.learning import SETTINGS, learn, network_for, refuse_method
 from ownrobot.methods import gaussian_process, least_squares
 from ownrobot.methods.boosting import Forest
 from ownrobot.methods.closed_form import learn_trivial
