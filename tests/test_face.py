@@ -12,8 +12,7 @@ import pytest
 
 import ownrobot
 import sidm
-from ownrobot.fitting.arguments import drives_from
-from ownrobot.recordings import RecordingError, write_drives
+from ownrobot.recordings import RecordingError
 from sidm.config import ConfigError
 
 ROOT = Path(__file__).parents[1]
@@ -76,38 +75,6 @@ def test_paths_may_stand_for_drives(form):
         ownrobot.fit(form, body=SKID, **QUICK).test_loss
         == ownrobot.fit(read, **QUICK).test_loss
     )
-
-
-def test_a_table_may_stand_for_drives(tmp_path):
-    """A table is read as a file with the same columns."""
-    columns, actions = (("speed", "m/s"),), (("throttle", "1"),)
-    body = sidm.Body(name="cart", pose="planar", columns=columns, actions=actions)
-    time = np.arange(41) / 10
-    circle = pd.DataFrame(
-        {"time": time, "x": np.sin(time), "y": 1 - np.cos(time), "yaw": time}
-    )
-    speeds = [1 + 0.1 * np.sin(time + number) for number in range(3)]
-    parts = [
-        circle.assign(drive=number, speed=speed, throttle=speed / 2)
-        for number, speed in enumerate(speeds)
-    ]
-    recorded = drives_from(pd.concat(parts), body, "novice")
-    write_drives(tmp_path / "same.csv", recorded, "a test")
-    read = ownrobot.read_drives(tmp_path / "same.csv", body)
-    for drive, same, speed in zip(recorded, read, speeds, strict=True):
-        assert np.allclose(drive.states, same.states, atol=1e-4)
-        assert np.allclose(drive.actions, same.actions, atol=1e-4)
-        assert np.allclose(drive.states[:, 3], speed)
-
-
-def test_a_body_may_be_a_mapping(drives):
-    body = {
-        "pose": "planar",
-        "columns": {"yaw_rate": "rad/s", "wheel_left": "rad/s", "wheel_right": "rad/s"},
-        "actions": {"command_left": "rad/s", "command_right": "rad/s"},
-    }
-    recorded = ownrobot.read_drives(WARTHOG, body)
-    assert np.allclose(recorded[0].states, drives[0].states)
 
 
 @pytest.mark.parametrize(

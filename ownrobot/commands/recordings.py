@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import statistics
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ownrobot.command_line import AddCommand
 from ownrobot.commands.options import DRIVES, add_reading_options
+from sidm.body import SI, Body
 from sidm.config import ConfigError, counted
+from sidm.drives import Drive, minutes_of
 
 CHECK_EXAMPLES = """\
   ownrobot check drives/ --body robot.yaml
@@ -18,7 +20,6 @@ CHECK_EXAMPLES = """\
 BODY_EXAMPLES = """\
   ownrobot body drive.bag --out robot.yaml
   ownrobot body drive.csv"""
-KINDS = ("min", "median", "max", "std")  # numbers of a column in the table
 
 
 def add_check(add: AddCommand) -> None:
@@ -48,52 +49,69 @@ def add_body(add: AddCommand) -> None:
 
 def run_check(arguments: argparse.Namespace) -> int:
     """Run `ownrobot check`: it prints what is there, and a line for each fault."""
-    from ownrobot.recordings import inspect_drives
+    from ownrobot.body_file import as_body
+    from ownrobot.recordings.frames import faults_together
+    from ownrobot.recordings.reading import as_paths, drives_of_paths
+    from ownrobot.recordings.table import Findings, RecordingError
 
-    skip_bad, where = arguments.skip_bad, ", ".join(arguments.drives)
-    found = inspect_drives(arguments.drives, arguments.body, arguments.topics, skip_bad)
-    print(*_report(where, found, skip_bad), sep="\n")
-    wrong = found["common_faults"] or (found["faults"] and not skip_bad)
-    return 1 if wrong or not found["drives"] else 0
-
-
-def _report(where: str, found: Mapping[str, Any], skip_bad: bool) -> list[str]:
-    """The lines of `ownrobot check`."""
-    lines = []
-    if found["drives"]:
-        shortest, median, longest = found["steps"]
-        lines = [
-            f"{where}: {counted(found['drives'], 'drive')} without a fault of "
-            f"{counted(found['sessions'], 'session')}, {found['minutes']:.3g} min",
-            f"{shortest} to {longest} steps of {1 / found['body_rate']:g} s in a drive,"
-            f" median {median}; rows come at {found['row_rate']:.3g} Hz, and the body "
-            f"has {found['body_rate']:g} Hz",
-            *_table(found["columns"]),
-        ]
-    lines += [f"note: {note}" for note in found["notes"]]
-    kind = "left out" if skip_bad else "wrong"
-    lines += [f"{kind}: {fault}" for fault in found["faults"]]
-    lines += [f"wrong: {fault}" for fault in found["common_faults"]]
-    if not found["faults"] and not found["common_faults"]:
+    body, paths = as_body(arguments.body), as_paths(arguments.drives)
+    findings = Findings(skip=True, doubtful=not arguments.skip_bad)
+    drives: list[Drive] = []
+    together: list[str] = []
+    try:
+        drives = drives_of_paths(paths, body, arguments.topics, findings)
+    except RecordingError as error:
+        together.append(str(error))
+    if drives:
+        together += faults_together(", ".join(map(str, paths)), drives, body)
+        lengths, rate = list(map(len, drives)), statistics.median(findings.rates)
+        number = counted(len(drives), "drive")
+        sessions = counted(len({drive.session for drive in drives}), "session")
+        print(
+            f"{', '.join(arguments.drives)}: {number} without a fault of {sessions}, "
+            f"{minutes_of(drives):.3g} min"
+        )
+        print(
+            f"{min(lengths)} to {max(lengths)} steps of {1 / body.rate:g} s in a drive,"
+            f" median {round(statistics.median(lengths))}; rows come at {rate:.3g} Hz, "
+            f"and the body has {body.rate:g} Hz"
+        )
+        print(_table(drives, body))
+    for note in findings.notes:
+        print(f"note: {note}")
+    for fault in findings.faults:
+        print(f"{'left out' if arguments.skip_bad else 'wrong'}: {fault}")
+    for fault in together:
+        print(f"wrong: {fault}")
+    if not findings.faults and not together:
         noted = "nothing would be refused; see the notes above"
-        lines.append(noted if found["notes"] else "nothing is wrong")
-    elif found["faults"] and found["drives"] and not skip_bad:
-        lines.append("--skip-bad leaves out each drive or file that is wrong")
-    return lines
+        print(noted if findings.notes else "nothing is wrong")
+    elif findings.faults and drives and not arguments.skip_bad:
+        print("--skip-bad leaves out each drive or file that is wrong")
+    wrong = together or (findings.faults and not arguments.skip_bad)
+    return 1 if wrong or not drives else 0
 
 
-def _table(columns: Sequence[Mapping[str, Any]]) -> list[str]:
+def _table(drives: Sequence[Drive], body: Body) -> str:
     """A line for each column of the drives, below a line of titles."""
-    width = max(len("column"), *(len(column["name"]) for column in columns))
-    units = max(len("unit"), *(len(column["unit"]) for column in columns))
-    titles = "".join(f"{kind:>11}" for kind in KINDS)
+    import numpy as np
+    import pandas as pd
+
+    states = np.concatenate([drive.states for drive in drives])
+    actions = np.concatenate([drive.actions for drive in drives])
+    parts = [pd.DataFrame(states), pd.DataFrame(actions)]
+    frame = pd.concat(parts, axis=1, ignore_index=True)
+    table = frame.agg(["min", "median", "max"]).T.assign(std=frame.std(ddof=0))
+    columns = (*body.state, *body.actions)
+    width = max(len("column"), *(len(name) for name, _ in columns))
+    units = max(len("unit"), *(len(SI[unit]) for _, unit in columns))
+    titles = "".join(f"{kind:>11}" for kind in table)
     lines = [f"{'column':{width}}  {'unit':{units}}{titles}"]
-    for column in columns:
-        # rounding errors of a pose at the origin are 0
-        values = [round(column[kind], 12) for kind in KINDS]
-        numbers = "".join(f"{value:11.4g}" for value in values)
-        lines.append(f"{column['name']:{width}}  {column['unit']:{units}}{numbers}")
-    return lines
+    # rounding errors of a pose at the origin are 0
+    for (name, unit), row in zip(columns, table.round(12).to_numpy(), strict=True):
+        numbers = "".join(f"{value:11.4g}" for value in row)
+        lines.append(f"{name:{width}}  {SI[unit]:{units}}{numbers}")
+    return "\n".join(lines)
 
 
 def run_body(arguments: argparse.Namespace) -> int:

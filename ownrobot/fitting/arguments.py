@@ -19,7 +19,9 @@ from sidm.drives import Drive, Ground
 if TYPE_CHECKING:
     import pandas as pd
 
-    Drives: TypeAlias = str | Path | Drive | pd.DataFrame | Sequence[Drive | str | Path]
+    Drives: TypeAlias = (
+        str | Path | Drive | pd.DataFrame | Sequence[Drive] | Sequence[str | Path]
+    )
     BodyLike: TypeAlias = Body | str | Path | Mapping[str, Any]
 
 
@@ -38,27 +40,23 @@ def drives_from(
     one that is given must have the same pose, state, actions and rate. Those of files
     have `default_body` where `body` is None.
     """
-
-    def read(paths: Any, topics: Sequence[str]) -> list[Drive]:
-        """The drives of paths, or of a table."""
+    several = isinstance(source, Sequence) and not isinstance(source, str)
+    items: Sequence[Any] = source if several else [source]  # type: ignore[assignment]
+    are_paths = bool(items) and all(isinstance(item, (str, Path)) for item in items)
+    if are_paths or is_table(source):
         described = body or default_body
         if described is None:
             option = "body" if argument != "expert" else "expert_body"
             raise ConfigError(
                 f"the drives of {argument} have no body: pass {option}='robot.yaml'"
             )
-        own = as_body(described)
-        return read_drives(paths, own, topics, allow_constant, skip_bad)
-
-    several = isinstance(source, Sequence) and not isinstance(source, str)
-    items: Sequence[Any] = source if several else [source]  # type: ignore[assignment]
-    if is_table(source):
-        return _each_once(read(source, ()), argument)
-    if items and all(isinstance(item, (str, Path)) for item in items):
-        if argument in ("expert", "test") and not has_bags(items):
+        if are_paths and argument in ("expert", "test") and not has_bags(items):
             topics = ()  # are of the novice's bags
-        return _each_once(read(source, topics), argument)
-    if not all(isinstance(item, (Drive, str, Path)) for item in items):
+        paths: Any = source
+        own = as_body(described)
+        drives = read_drives(paths, own, topics, allow_constant, skip_bad)
+        return _each_once(drives, argument)
+    if not all(isinstance(item, Drive) for item in items):
         raise TypeError(
             f"{argument} must be drives, as sidm.simulate and ownrobot.read_drives "
             f"return, or paths of drives, not {type(source).__name__}"
@@ -66,16 +64,13 @@ def drives_from(
     if not items:
         raise ConfigError(f"{argument} has no drives")
     expected = None if body is None else as_body(body)
-    drives: list[Drive] = []
-    for item in items:
-        if isinstance(item, Drive):
-            _refuse_not_finite(item, argument)
-            item = _over_middle(item)
-            drives.append(
-                item if expected is None else _with_body(item, expected, argument)
-            )
-        else:
-            drives += read(item, topics)
+    drives = []
+    for drive in items:
+        _refuse_not_finite(drive, argument)
+        moved = _over_middle(drive)
+        drives.append(
+            moved if expected is None else _with_body(moved, expected, argument)
+        )
     if len({drive.body for drive in drives}) > 1:
         names = ", ".join(sorted({drive.body.name for drive in drives}))
         raise ConfigError(

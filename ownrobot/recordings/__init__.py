@@ -24,7 +24,6 @@ refused.
 from __future__ import annotations
 
 from ownrobot.recordings.guess import Guess, guess_body
-from ownrobot.recordings.inspection import inspect_drives
 from ownrobot.recordings.reading import read_drives, write_drives
 from ownrobot.recordings.table import RecordingError, RecordingWarning
 from sidm.drives import Drive, Ground
@@ -36,7 +35,6 @@ __all__ = [
     "RecordingError",
     "RecordingWarning",
     "guess_body",
-    "inspect_drives",
     "read_drives",
     "write_drives",
 ]

@@ -5,7 +5,6 @@ A person must check it: names do not say what a column measures.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ownrobot.recordings import checks
-from ownrobot.recordings.csv_file import rate_of
-from ownrobot.recordings.exports import read_text
+from ownrobot.recordings.csv_file import rate_of, read_text
 from ownrobot.recordings.messages import QUATERNION, unit_of
 from ownrobot.recordings.reading import (
     drives_of_paths,
@@ -70,14 +68,19 @@ class Guess(NamedTuple):
     @property
     def text(self) -> str:
         """The body's file, with what must be checked as comments."""
+        import yaml
+
         body = self.body
         lines = ["# Guessed by 'ownrobot body'; check each line:"]
         lines += [f"# - {note}" for note in self.notes]
-        lines += [f"name: {_quoted(body.name)}", f"pose: {body.pose}"]
-        for key, columns in (("columns", body.columns), ("actions", body.actions)):
-            lines.append(f"{key}:" if columns else f"{key}: {{}}")
-            lines += [f"  {_quoted(name)}: {_quoted(unit)}" for name, unit in columns]
-        lines.append(f"rate: {body.rate:g} Hz")
+        values = {
+            "name": body.name,
+            "pose": body.pose,
+            "columns": dict(body.columns),
+            "actions": dict(body.actions),
+            "rate": f"{body.rate:g} Hz",
+        }
+        lines.append(yaml.safe_dump(values, sort_keys=False).rstrip("\n"))
         if self.left_out:
             lines.append("# Columns of the recording that are left out:")
         lines += [f"#   {name}: {why}" for name, why in self.left_out.items()]
@@ -266,11 +269,3 @@ def _rate(recording: _Recording, pose: Pose) -> tuple[float, str]:
     if rate > RATE / 1.25:
         return RATE, f"rate: steps a second; {reason}"
     return checks.plain_rate(rate), f"rate: {reason}"
-
-
-def _quoted(text: str) -> str:
-    """A text as YAML reads it back, in quotation marks where it needs them."""
-    import yaml
-
-    plain = re.fullmatch(r"[A-Za-z][\w/ *-]*", text) and yaml.safe_load(text) == text
-    return text if plain else json.dumps(text)

@@ -5,7 +5,7 @@ member    shape      content
 ========  =========  =================================================================
 rows      (R, C)     numbers: the rows of all drives, one drive after the other
 lengths   (N,)       number of rows of each drive
-header    ()         text: JSON with the names of HEADER
+header    ()         text: JSON with the fields of `Header`
 sessions  (N,)       text: drives of one session belong together; may be missing
 ground    (N,)       for a body with a height map: the number of each drive's ground
 heights   (M, H, W)  for a body with a height map: grounds, index [y, x], each once
@@ -15,35 +15,36 @@ heights   (M, H, W)  for a body with a height map: grounds, index [y, x], each o
 from __future__ import annotations
 
 import json
-import sys
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from ownrobot.recordings.table import RecordingError, Table, unit_factors
 from sidm.body import SI, UNITS, Body
-from sidm.config import first_line, unknown_name
+from sidm.config import completed, config, first_line, from_mapping
 from sidm.drives import Drive, Ground
 from sidm.storage import write_atomically
 
-#: Name in the header -> types of its value.
-HEADER: dict[str, tuple[type, ...]] = {
-    "columns": (list,),  # names of the columns
-    "units": (list,),  # units of the columns
-    "rate": (int, float),  # Hz, rows per second
-    "origin": (str,),  # where the drives come from, for people
-    "spacing": (int, float),  # m, of the grounds' grids
-    "height_unit": (str,),  # m, cm or mm
-    "centres": (list,),  # m, x and y of each ground's middle; all 0 unless given
-}
 # What a file must have; the latter where it has grounds.
 MEMBERS, MEMBERS_OF_GROUNDS = ("rows", "lengths", "header"), ("ground", "heights")
-REQUIRED = ("columns", "units", "rate", "origin")
-REQUIRED_OF_GROUNDS = ("spacing", "height_unit")
+
+
+@config
+class Header:
+    """The header of a file; its last three fields are of grounds."""
+
+    columns: tuple[str, ...]  # names of the columns
+    units: tuple[str, ...]  # units of the columns
+    rate: float  # Hz, rows per second
+    origin: str  # where the drives come from, for people
+    spacing: float = 0.0  # m, of the grounds' grids
+    height_unit: Literal["m", "cm", "mm"] = "m"
+    #: m, x and y of each ground's middle; all 0 unless given
+    centres: tuple[tuple[float, float], ...] = ()
 
 
 def read_npz(path: Path, body: Body) -> list[Table]:
@@ -68,9 +69,9 @@ def read_npz(path: Path, body: Body) -> list[Table]:
                 f"member '{name}' is missing; "
                 f"a file of drives has {', '.join(required)}"
             )
-    header = _header(members["header"], bool(body.map_size))
+    header = _header(members["header"])
     rows, lengths = members["rows"], _whole_numbers("lengths", members["lengths"])
-    names, units, count = header["columns"], header["units"], len(lengths)
+    names, units, count = header.columns, header.units, len(lengths)
     if rows.shape != (lengths.sum(), len(names)) or len(units) != len(names):
         raise RecordingError(
             f"rows {rows.shape}, {len(names)} columns, {len(units)} units and "
@@ -85,7 +86,7 @@ def read_npz(path: Path, body: Body) -> list[Table]:
         raise RecordingError(
             f"sessions {sessions.shape} of {sessions.dtype}, not a text for each drive"
         )
-    rate = None if "time" in factors else float(header["rate"])
+    rate = None if "time" in factors else header.rate
     if rate is not None and not 0 < rate < float("inf"):
         raise RecordingError(f"a rate of {rate:g} Hz; it must be positive")
     tables = []
@@ -100,38 +101,20 @@ def read_npz(path: Path, body: Body) -> list[Table]:
     return tables
 
 
-def _header(member: np.ndarray, grounds: bool) -> dict[str, Any]:
-    """The header of a file, checked; `grounds`: whether the file has grounds."""
+def _header(member: np.ndarray) -> Header:
+    """The header of a file, checked."""
     try:
-        header = json.loads(str(member))
-    except ValueError as error:
-        raise RecordingError(f"the header is not JSON ({error})") from None
-    if not isinstance(header, dict):
-        raise RecordingError("the header is not a JSON object")
-    for name, value in header.items():
-        if name not in HEADER:
-            raise RecordingError(unknown_name(name, HEADER, "the header"))
-        too_large = isinstance(value, int) and abs(value) > sys.float_info.max
-        if not isinstance(value, HEADER[name]) or isinstance(value, bool) or too_large:
-            raise RecordingError(f"'{name}' of the header is {value!r}")
-    for name in (*REQUIRED, *(REQUIRED_OF_GROUNDS if grounds else ())):
-        if name not in header:
-            raise RecordingError(f"the header has no '{name}'")
-    texts = (*header["columns"], *header["units"])
-    if not all(isinstance(text, str) for text in texts):
-        raise RecordingError("columns and units of the header are not all text")
-    if grounds and header["height_unit"] not in UNITS["length"]:
-        known = " or ".join(UNITS["length"])
+        values = json.loads(str(member), parse_int=float)
+        return from_mapping(Header, completed(Header, values))
+    except (ValueError, AttributeError) as error:
         raise RecordingError(
-            f"height_unit '{header['height_unit']}'; heights are in {known}"
-        )
-    return header
+            f"the header cannot be read ({first_line(error)}); write JSON with "
+            "columns, units, rate and origin"
+        ) from None
 
 
 def _grounds(
-    members: Mapping[str, np.ndarray],
-    header: Mapping[str, Any],
-    drives: int,
+    members: Mapping[str, np.ndarray], header: Header, drives: int
 ) -> list[Ground]:
     """The ground of each of a file's drives; `drives` is how many there are."""
     numbers = _whole_numbers("ground", members["ground"])
@@ -141,21 +124,14 @@ def _grounds(
             f"heights {heights.shape} of {heights.dtype}, not of numbers"
         )
     count, largest = len(heights), numbers.max()
-    try:
-        centres = np.asarray(header.get("centres", np.zeros((count, 2))), float)
-    except (ValueError, TypeError, OverflowError):
-        raise RecordingError(
-            "centres of the header are not an x and a y for each ground"
-        ) from None
-    if centres.shape != (count, 2) or len(numbers) != drives or largest >= count:
+    centres = header.centres or ((0.0, 0.0),) * count
+    if len(centres) != count or len(numbers) != drives or largest >= count:
         raise RecordingError(
             f"{count} heights, but 'ground' of {len(numbers)} drives "
-            f"goes up to {largest} and centres are {centres.shape}"
+            f"goes up to {largest} and there are {len(centres)} centres"
         )
-    scale, spacing = UNITS["length"][header["height_unit"]], header["spacing"]
-    return [
-        Ground(heights[n] * scale, spacing, (*centres[n].tolist(),)) for n in numbers
-    ]
+    scale = UNITS["length"][header.height_unit]
+    return [Ground(heights[n] * scale, header.spacing, centres[n]) for n in numbers]
 
 
 def _whole_numbers(name: str, member: np.ndarray) -> np.ndarray:

@@ -270,9 +270,9 @@ def _drives(table: Table, body: Body, findings: Findings) -> list[Drive]:
 def write_drives(path: str | Path, drives: Sequence[Drive], origin: str) -> None:
     """Write drives of one robot to a file that `read_drives` reads.
 
-    It is .csv, .csv.gz or, which alone holds grounds, .npz; others raise ValueError,
-    and OSError's message is one line. `origin` says where the drives come from, for
-    people.
+    It is .csv, .csv.gz, .csv.xz or, which alone holds grounds, .npz; others raise
+    ValueError, and OSError's message is one line. `origin` says where the drives come
+    from, for people.
     """
     path = Path(path)
     if not drives:

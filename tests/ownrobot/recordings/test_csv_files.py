@@ -11,7 +11,7 @@ from ownrobot.recordings import (
     guess_body,
     read_drives,
 )
-from ownrobot.recordings.exports import read_text
+from ownrobot.recordings.csv_file import read_text
 from tests.ownrobot.cart import CART
 
 TIME = 0.05 * np.arange(200)
@@ -50,6 +50,9 @@ PAIRS = [f"{1_700_000_000 + n // 20},{n % 20 * 50_000_000}" for n in range(200)]
     "name, content",
     [
         ("a.csv", timed("time [s]", TIME, separator=";", head="sep=;\n")),
+        ("a.csv", timed("time [s]", TIME, separator=";").replace(b".", b",")),
+        ("a.csv", timed("time [s]", TIME, separator="\t").replace(b".", b",")),
+        ("a.csv", b"\xef\xbb\xbf" + timed("time [s]", TIME)),
         ("a.csv", timed("time [s]", TIME, end=",")),
         ("a.csv", timed("time [s]", TIME, head="# Logger v2.1\n# Date: today\n\n")),
         ("a.csv", PLAIN.replace("\n0.50,", "\n# a mark\n\n0.50,").encode()),

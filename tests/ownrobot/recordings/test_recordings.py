@@ -152,14 +152,14 @@ FAULTS = {
     "3 s after its start the position jumps": changed("x", 3.0, slice(31, None)),
     "'lengths' of shape (1,) and float64": {"lengths": np.array([71.0])},
     "1 heights, but 'ground' of 1 drives goes up to 1": {"ground": np.array([1])},
-    "the header has no 'rate'": {"header": {"rate": None}},
-    "'rate' of the header is 1000": {"header": {"rate": 10**400}},
-    "centres of the header are not an x and a y": {"header": {"centres": [["a", 0]]}},
-    "unknown name 'ratte' in the header; did": {"header": {"ratte": 10}},
-    "height_unit 'feet'; heights are in m": {"header": {"height_unit": "feet"}},
+    "(Header.rate is missing); write JSON": {"header": {"rate": None}},
+    "a rate of inf Hz; it must be positive": {"header": {"rate": 10**400}},
+    "'Header.centres' must be float, not str": {"header": {"centres": [["a", 0]]}},
+    "unknown name 'ratte' in Header; did you mean 'rate'": {"header": {"ratte": 10}},
+    "must be one of 'm', 'cm', 'mm'": {"header": {"height_unit": "feet"}},
     "rows of <U32, not of numbers": {"rows": circle().astype(str)},
     "of <U4, not of numbers": {"heights": np.full((1, 81, 81), "high")},
-    "columns and units of the header": {"header": {"columns": list(range(15))}},
+    "'Header.columns' must be str, not": {"header": {"columns": list(range(15))}},
 }
 for words, turn in (
     ("upside down", np.flipud),
@@ -186,7 +186,7 @@ def test_a_member_that_is_missing_and_an_npy_file_are_named(tmp_path):
         (lambda file: np.savez(file, **without), "member 'heights' is missing"),
         (
             lambda file: np.savez(file, **arrays | {"header": np.array("{")}),
-            "the header is not JSON",
+            "the header cannot be read .Expecting property name",
         ),
         (lambda file: np.save(file, circle()), "it holds one array, as .npy files do"),
     ):
