@@ -7,9 +7,8 @@ import sys
 from collections.abc import Sequence
 
 from ownrobot.command_line import Parser, carry_out, command_adder
-from ownrobot.commands.comparison import add_compare
 from ownrobot.commands.demo import add_demo
-from ownrobot.commands.fitting import add_evaluate, add_fit, add_predict
+from ownrobot.commands.fitting import add_compare, add_evaluate, add_fit, add_predict
 from ownrobot.commands.recordings import add_body, add_check
 from ownrobot.commands.replay import add_replay
 from sidm import __version__

@@ -1,11 +1,12 @@
-"""The commands that fit models and use them: fit, evaluate and predict."""
+"""The commands that fit models and use them: fit, compare, evaluate and predict."""
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ownrobot.command_line import AddCommand, whole_number
 from ownrobot.commands.options import (
@@ -25,10 +26,15 @@ if TYPE_CHECKING:
     from sidm.drives import Drive
 
 TEST_SHARE = 0.25  # of the sessions, held out by `ownrobot fit`
+MOST_WORKERS = 8
 FIT_EXAMPLES = """\
   ownrobot fit --novice drives/ --body robot.yaml --out model
   ownrobot fit --novice mine.bag --expert others/ --body robot.yaml --method sidm \\
       --set p_expert=0.5 --out model"""
+COMPARE_EXAMPLES = """\
+  ownrobot compare drives/ --body robot.yaml
+  ownrobot compare mine.bag --expert others/ --body robot.yaml \\
+      --methods least_squares trees sidm --out comparison"""
 EVALUATE_EXAMPLES = """\
   ownrobot evaluate model other_drives/
   ownrobot evaluate model drive.csv --csv errors.csv --figure errors.svg"""
@@ -68,6 +74,34 @@ def add_fit(add: AddCommand) -> None:
     fit.add_argument("--out", metavar="DIR", required=True, help="folder of the model")
     text = "replace the model of a robot with another body in the folder"
     fit.add_argument("--force", action="store_true", help=text)
+
+
+def add_compare(add: AddCommand) -> None:
+    """Add `ownrobot compare`."""
+    text = (
+        "Which method suits a robot: each learns from a part of the sessions and is "
+        "evaluated on the others. It can be interrupted; the same command resumes it."
+    )
+    examples = f"{COMPARE_EXAMPLES}\n\nmethods:\n{methods_text()}"
+    compare = add("compare", run_compare, text, examples)
+    compare.add_argument("drives", metavar="PATH", nargs="+", help=DRIVES)
+    add_robot_options(compare)
+    text = "methods that are compared (those that can learn these robots)"
+    compare.add_argument("--methods", metavar="NAME", nargs="+", default=[], help=text)
+    text = "parts of the sessions, each held out once (%(default)s)"
+    number: dict[str, Any] = {"type": whole_number, "metavar": "N"}
+    compare.add_argument("--folds", default=4, help=text, **number)
+    text = "how often the sessions are divided anew, with another seed (%(default)s)"
+    compare.add_argument("--repeats", default=3, help=text, **number)
+    text = "seed of the first repeat (%(default)s)"
+    compare.add_argument("--seed", type=int, default=0, help=text)
+    text = "one setting of networks or training, as hidden=64; may be given again"
+    add_settings(compare, text)
+    workers = min(MOST_WORKERS, os.cpu_count() or 1)
+    text = "processes that fit at the same time (%(default)s)"
+    compare.add_argument("--workers", default=workers, help=text, **number)
+    text = "folder of the tables, the report and unfinished work (%(default)s)"
+    compare.add_argument("--out", metavar="DIR", default="comparison", help=text)
 
 
 def add_evaluate(add: AddCommand) -> None:
@@ -130,6 +164,34 @@ def run_fit(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def run_compare(arguments: argparse.Namespace) -> int:
+    """Run `ownrobot compare`: print the table and the answer, and write the report."""
+    from ownrobot.comparison.run import compare
+    from sidm.storage import write_atomically
+
+    out = Path(arguments.out)
+    if not arguments.out.strip() or (out.exists() and not out.is_dir()):
+        raise ConfigError(f"'{out}' is no folder; name one for the comparison")
+    if (out / "model.json").exists():
+        raise ConfigError(f"{out} has a model; name another folder for the comparison")
+    out.mkdir(parents=True, exist_ok=True)
+    write_atomically(out / "comparison.csv", lambda file: None)  # before long work
+    names = "expert methods body expert_body folds repeats seed workers topics skip_bad"
+    comparison = compare(
+        arguments.drives,
+        settings=parse_changes(arguments.changes),
+        folder=out,
+        **{name: getattr(arguments, name) for name in names.split()},
+    )
+    print(comparison.text())
+    print(comparison.verdict.sentence)
+    write_csv(str(out / "comparison.csv"), comparison.table)
+    write_csv(str(out / "learning-curve.csv"), comparison.curve)
+    comparison.report(out / "report.html")
+    print(f"report: {out / 'report.html'}")
+    return 0
+
+
 def _model_and_drives(arguments: argparse.Namespace) -> tuple[Model, list[Drive]]:
     """The model that a command names, and the drives of its robot."""
     from ownrobot.fitting.model import load
@@ -156,9 +218,9 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     if arguments.drives_csv:
         write_csv(arguments.drives_csv, by_drive)
     if kind:
-        from ownrobot.fitting.report import figure
+        from ownrobot.comparison.figures import errors_figure
 
-        drawn = figure(table)
+        drawn = errors_figure(table)
         path = Path(arguments.figure).resolve()
         write_atomically(path, lambda file: drawn.savefig(file, format=kind))
     print(f"{arguments.model}: {model.score(drives)}")

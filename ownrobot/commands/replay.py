@@ -23,9 +23,7 @@ def add_replay(add: AddCommand) -> None:
     """Add `ownrobot replay`."""
     text = "Make a page that shows a ride in three dimensions, with nothing to install."
     replay = add("replay", run_replay, text, EXAMPLES)
-    text = (
-        "a scene (.json) of `ownrobot.replay.write_scene`, or recorded drives"
-    )
+    text = "a scene (.json) of `ownrobot.replay.write_scene`, or recorded drives"
     replay.add_argument("ride", metavar="PATH", help=text)
     text = "where to write the page"
     replay.add_argument("--html", metavar="FILE", required=True, help=text)
