@@ -41,16 +41,15 @@ class Bundle:
         """The trials that have not ended, by their place in the bundle."""
         return {i: trial for i, trial in enumerate(self.trials) if not trial.ended}
 
-    def hand_back(self, places: Iterable[int]) -> None:
-        """Copy the state of these trials to their trainers."""
-        for place in places:
-            self.stacked.hand_back(place)
+    def hand_back(self, place: int) -> None:
+        """Copy the state of the trial in this place to its trainer."""
+        self.stacked.hand_back(place)
 
     def save(self) -> None:
         """Write the checkpoints of running trials that have a checkpoint folder."""
         for place, trial in self.running.items():
             if trial.run.checkpoint is not None:
-                self.hand_back([place])
+                self.hand_back(place)
                 Checkpoint(trial.run.checkpoint).save(trial.trainer)
 
     def close(self) -> None:

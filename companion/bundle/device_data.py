@@ -18,8 +18,7 @@ class DeviceData:
     """All trajectories that a bundle learns from and tests on.
 
     Raises:
-        ConfigError: the windows differ in steps or pixels, or the device has too little
-            memory.
+        ConfigError: the windows differ in steps or pixels.
 
     Attributes:
         windows: all trajectories, on the device
@@ -38,7 +37,6 @@ class DeviceData:
                 "the maps (T, P, P) of a bundle must have one shape, "
                 f"not {sorted(shapes)}"
             )
-        check_memory(parts, device)
         first_rows = itertools.accumulate(map(len, parts), initial=0)
         self._first_row = dict(zip(self._stored, first_rows, strict=False))
         inputs, targets, maps = (
@@ -50,16 +48,6 @@ class DeviceData:
     def rows(self, windows: Windows) -> Tensor:
         """Row of each trajectory in this data: (N,) int64, on the CPU."""
         return windows.row_indices + self._first_row[id(windows.stored_inputs)]
-
-
-def check_memory(windows: Iterable[Windows], device: torch.device) -> None:
-    """Refuse maps that are larger than the free memory of a GPU with a ConfigError."""
-    needed = sum(part.maps.numel() * part.maps.element_size() for part in windows)
-    if device.type == "cuda" and needed > (free := torch.cuda.mem_get_info(device)[0]):
-        raise ConfigError(
-            f"the maps take {needed / 2**30:.0f} GiB and {device} has "
-            f"{free / 2**30:.0f} free; choose fewer pixels or leave out the bundle"
-        )
 
 
 def _concatenated(tensors: list[Tensor], device: torch.device) -> Tensor:

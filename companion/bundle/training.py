@@ -1,11 +1,10 @@
-"""Train many trials on one device; a waiting trial takes the slot of an ended trial."""
+"""Train many trials on one device, bundle after bundle."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 import time
-from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -14,14 +13,12 @@ import torch
 from companion.bundle.bundle import Bundle, Progress
 from companion.bundle.bundled_trial import BundledTrial, Run
 from companion.bundle.device_data import DeviceData
-from sidm.body import ROVER
 from sidm.config import ConfigError
 from sidm.learning.arithmetic import matmul_precision
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.stopping import TrainingError
 from sidm.learning.training import Trained, result
 from sidm.settings import Network
-from sidm.systems import ROLES
 
 #: Settings of training that all trials of a bundle share; all others may differ.
 SHARED = (
@@ -44,9 +41,6 @@ SHARED = (
 FIXED = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
 
 SAVE_INTERVAL = 600.0  # s between two saves of all checkpoints
-#: when 1/REFILL of its trials have ended, a bundle of the others and of waiting ones
-#: takes its place
-REFILL = 8
 
 
 class Ended(NamedTuple):
@@ -68,10 +62,12 @@ def train_bundle(
 ) -> Iterator[Ended]:
     """Train many trials, `slots` of them at a time.
 
-    Each trial has the result that `train` gives, apart from rounding.
+    A bundle ends with its last trial. Each trial has the result that `train` gives,
+    apart from rounding. `engine.bundles` has trials that go together; others would
+    have wrong results.
 
     Args:
-        runs: the trials, in the order in which they begin. Longest first leaves the
+        runs: the trials, in the order in which they begin. The longest first leaves the
             fewest slots empty.
         network: sizes of all networks.
         slots: M, how many trials are trained at once.
@@ -84,45 +80,39 @@ def train_bundle(
         Each trial's result, as soon as the trial ends.
 
     Raises:
-        ConfigError: the trials differ in a setting that they must share, their data
-            differ in shape, or the device has too little memory.
+        ConfigError: the trials' data differ in shape, or the device has too little
+            memory.
     """
-    check_settings(runs, network)
     if not runs:
         return
-    device = torch.device(device)
-    data = device_data(runs, device)
-    waiting, trials = deque(enumerate(runs)), list[BundledTrial]()
-    saved = time.monotonic()
+    device, saved = torch.device(device), time.monotonic()
     slots = min(slots, len(runs))
     with matmul_precision(runs[0].training.precision), enough_memory(device, slots):
-        while True:
-            while waiting and len(trials) < slots:
-                number, run = waiting.popleft()
+        data = device_data(runs, device)
+        for first in range(0, len(runs), slots):
+            trials: list[BundledTrial] = []
+            for number, run in [*enumerate(runs)][first : first + slots]:
                 try:
                     trials.append(BundledTrial(number, run, network, data))
                 except CheckpointError as error:
                     yield Ended(number, error, 0.0)
             if not trials:
-                return
+                continue
+            left = dict(enumerate(trials))
             with contextlib.closing(Bundle(trials, data, device)) as bundle:
-                ended: set[int] = set()
-                while len(ended) * REFILL < len(trials):
+                while left:
                     bundle.phase(progress)
-                    for place, trial in enumerate(trials):
-                        if trial.ended and place not in ended:
-                            ended.add(place)
-                            bundle.hand_back([place])
-                            trained = trial.error or result(trial.trainer)
-                            yield Ended(trial.number, trained, trial.seconds)
+                    for place in [place for place, one in left.items() if one.ended]:
+                        trial = left.pop(place)
+                        bundle.hand_back(place)
+                        trained = trial.error or result(trial.trainer)
+                        yield Ended(trial.number, trained, trial.seconds)
                     late = time.monotonic() >= until
                     if late or time.monotonic() - saved > SAVE_INTERVAL:
                         bundle.save()
                         saved = time.monotonic()
                     if late:
                         return
-                bundle.hand_back(bundle.running)
-            trials = [trial for trial in trials if not trial.ended]
 
 
 @contextlib.contextmanager
@@ -149,26 +139,3 @@ def device_data(runs: Sequence[Run], device: torch.device) -> DeviceData:
         if windows is not None
     ]
     return DeviceData(parts, device)
-
-
-def check_settings(runs: Sequence[Run], network: Network) -> None:
-    """Refuse settings that a bundle cannot train."""
-    unfit = "cannot be trained in a bundle; train it alone"
-    if network.own != "all":
-        raise ConfigError(f"Network.own={network.own!r} {unfit}")
-    for role in ROLES:
-        if (body := network.body(role)) != ROVER:
-            raise ConfigError(f"a robot of the body '{body.name}' {unfit}")
-    if "bfloat16" in (run.training.precision for run in runs):
-        raise ConfigError(f"Training.precision='bfloat16' {unfit}")
-    for name, fixed in FIXED.items():
-        for run in runs:
-            if (value := getattr(run.training, name, fixed)) != fixed:
-                raise ConfigError(f"Training.{name}={value!r} {unfit}")
-    for name in SHARED:
-        values = sorted({str(getattr(run.training, name)) for run in runs})
-        if len(values) > 1:
-            raise ConfigError(
-                f"the trials of a bundle must have one Training.{name}, "
-                f"not {' and '.join(values)}"
-            )

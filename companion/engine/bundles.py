@@ -21,7 +21,6 @@ from companion.trials import Trial
 from ownrobot.methods import fine_tuning
 from ownrobot.methods.fine_tuning import pretrained_from, pretraining_datasets
 from sidm.body import ROVER
-from sidm.config import ConfigError
 from sidm.drives import GroundError
 from sidm.learning.checkpoint import CheckpointError
 from sidm.learning.stopping import CurvePoint, TrainingError
@@ -54,16 +53,13 @@ def fits(trial: Trial) -> bool:
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:
-    """Groups of trials that one bundle trains, in each the longest trainings first.
+    """Groups of trials that go together, in each the longest trainings first.
 
-    The trials of a group have one system, one network and one kind of training.
+    All of them must fit. The trials of a group have one system, one network and one
+    kind of training.
     """
     groups: dict[tuple, list[Trial]] = {}
     for trial in trials:
-        if not fits(trial):
-            raise ConfigError(
-                f"{trial}: this method cannot be trained in a bundle; train it alone"
-            )
         shared = tuple(
             tuple(getattr(one, name) for name in SHARED) for one in _trainings(trial)
         )
