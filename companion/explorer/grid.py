@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from companion.figures.style import system_label
-from companion.numerics import versions
 from ownrobot.replay.rides import (
     ROBOTS,
     SAMPLES_PER_STEP,
@@ -29,7 +28,7 @@ from ownrobot.replay.viewer import pack, unpack
 from sidm.drives import POSITION, QUATERNION
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
-from sidm.storage import read_arrays, read_record, write_arrays, write_record
+from sidm.storage import read_arrays, write_arrays
 from sidm.systems import PAPER_SYSTEMS, ROLES, Robot, Terrain
 from sidm.terrain import generate_terrain
 
@@ -133,7 +132,6 @@ class Grid(NamedTuple):
     #: rides (3, 4, T + 1, C) of each robot, with held, then with free struts: first the
     #: robots of SET_UP, then PAPER_ROBOTS
     packed: tuple[bytes, ...]
-    numerics: dict[str, int]  # versions of the numerics that made the rides
 
 
 def whole_numbers(ride: Ride) -> np.ndarray:
@@ -189,8 +187,8 @@ def simulate(
     return np.array(rides)
 
 
-def make(study: Any, workers: int) -> None:
-    """Simulate every ride and store it, for `companion run --figure explorer`."""
+def make(study: Any, workers: int) -> dict[str, Any]:
+    """Simulate every ride and store it; their record has nothing but versions."""
     folder = Path(study.results) / FOLDER.name
     settings = list(itertools.product([*set_ups(), *PAPER_ROBOTS.values()], BRAKES))
     with (
@@ -204,8 +202,8 @@ def make(study: Any, workers: int) -> None:
     ends = np.cumsum([len(part) for part in packed])
     arrays = {"packed": np.concatenate(packed), "ends": ends}
     write_arrays(folder / "rides.npz", arrays)
-    write_record(folder / "rides.json", {"numerics": versions("free_struts")})
     read.cache_clear()
+    return {}
 
 
 @functools.cache
@@ -220,5 +218,4 @@ def read(folder: Path = FOLDER) -> Grid:
     both = unpacked.reshape(-1, len(BRAKES), *drives)
     set_ups, robots = both[: -len(PAPER_ROBOTS)], both[-len(PAPER_ROBOTS) :]
     rides = set_ups.reshape(*(len(knob.values) for knob in SET_UP), *both.shape[1:])
-    numerics = read_record(folder / "rides.json")["numerics"]
-    return Grid(rides, robots, packed, numerics)
+    return Grid(rides, robots, packed)

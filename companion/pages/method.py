@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -14,7 +15,7 @@ from torch import Tensor, nn
 
 from companion.figures.style import METHOD_STYLES
 from companion.pages.markdown import markdown_table, table_markdown
-from companion.statistics.tables import component_errors
+from companion.statistics.tables import COMPONENTS
 from sidm import rotations
 from sidm.body import ROVER
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, STEPS
@@ -100,7 +101,11 @@ def errors_table(trained: Mapping[str, Trained], datasets: Datasets) -> str:
     mean = datasets.train.targets.mean((0, 1))
     squares = (datasets.validation.targets - mean).square()
     losses["always the mean"] = squares.mean((0, 1))
-    table = component_errors({name: [loss.tolist()] for name, loss in losses.items()})
+    table = pd.DataFrame(COMPONENTS, columns=["component", "unit"])
+    exact = {name: loss.double() for name, loss in losses.items()}
+    table = table.assign(**{name: loss.sqrt().tolist() for name, loss in exact.items()})
+    sums = [float(loss.sum()) for loss in exact.values()]
+    table.loc[len(table)] = ["**equation (1), sum of squares**", "", *sums]
     return table_markdown(table)
 
 

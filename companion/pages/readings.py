@@ -19,7 +19,7 @@ from companion.methods import METHODS
 from companion.registry import grid
 from companion.statistics import claims
 from companion.statistics.intervals import FEWEST_SEEDS
-from companion.statistics.pairs import paired_comparison
+from companion.statistics.pairs import interval_texts, paired_comparison
 from companion.statistics.tables import wide
 from companion.studies import ablations
 from companion.studies.decisive import verdicts
@@ -27,7 +27,6 @@ from companion.studies.decisive.length_curves import RECIPE_LABELS
 from companion.studies.latent_space import measure
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
-from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
 
 LITTLE = 5.0  # min of novice data
@@ -73,9 +72,8 @@ def _readings(
 
 def _with_texts(rows: pd.DataFrame, quantity: str, digits: int) -> pd.DataFrame:
     """Rows with `value`, `low` and `high` of a ratio, which get the text `ours`."""
-    ends = rows[["value", "low", "high"]].itertuples(index=False)
-    texts = [f"{quantity} {Interval(*values).text(digits)} ×" for values in ends]
-    return rows.assign(ours=texts)
+    texts = interval_texts(rows[["value", "low", "high"]], digits)
+    return rows.assign(ours=[f"{quantity} {text} ×" for text in texts])
 
 
 def _paired(

@@ -31,7 +31,7 @@ from companion.statistics.savings import (
     savings_between,
 )
 from ownrobot.comparison.statistics import Interval
-from sidm.storage import read_record, write_record
+from sidm.storage import read_record
 
 MINUTES = np.array([1.0, 2, 5, 20, 60, 120])
 RATIO = 4.0  # between the data that the two methods need
@@ -157,14 +157,14 @@ def estimator_coverage(
     return float(held.mean()), float(above.mean()), 1 - len(known) / STUDIES
 
 
-def measure(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
+def make(study: Any, workers: int) -> dict[str, Any]:
     """Measure the coverage of the kinds of interval and of the estimators.
 
     By kind of interval and number of seeds: coverage and width. By 'estimators': rows
     of estimator, data ratio, number of seeds, and the shares of `estimator_coverage`.
     """
     by_kind: dict[str, Any] = {
-        name: {str(n): [round(x, 4) for x in coverage(method, n)] for n in seeds}
+        name: {str(n): [round(x, 4) for x in coverage(method, n)] for n in SEEDS}
         for name, method in METHODS.items()
     }
     rows = [
@@ -216,8 +216,3 @@ def estimators_page_table() -> pd.DataFrame:
     shown = shown.pivot(index=["estimator", "ratio"], columns="seeds", values="text")
     shown = shown.rename(columns="{} seeds".format)
     return shown.rename_axis(index={"ratio": "true data ratio"}).reset_index()
-
-
-def make(study: Any, workers: int) -> None:
-    """`companion run --figure coverage`, in one process."""
-    write_record(Path(study.results) / FILE.name, measure())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -46,23 +46,6 @@ def wide(
         value, list(rows), columns, aggfunc="first", sort=False, fill_value="-"
     )
     return pivot.reset_index()
-
-
-def component_errors(losses: Mapping[str, Sequence[Sequence[float]]]) -> pd.DataFrame:
-    """Root mean square error of each component of y, and the sum of squares.
-
-    `losses` has component losses (S, 13) of S trials by the name of their column. There
-    is one row per component, with its unit, and one for the sum.
-    """
-    means = {
-        name: np.mean(np.asarray(trials, float), axis=0)
-        for name, trials in losses.items()
-    }
-    table = pd.DataFrame(COMPONENTS, columns=["component", "unit"])
-    table = table.assign(**{name: np.sqrt(mean) for name, mean in means.items()})
-    total = "**equation (1), sum of squares**"
-    table.loc[len(table)] = [total, "", *(float(mean.sum()) for mean in means.values())]
-    return table
 
 
 def differences(trial: Trial, base: Trial) -> dict[str, tuple[Any, Any]]:

@@ -5,6 +5,7 @@ They run on small novice datasets; `most_data` runs on the largest.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -137,24 +138,14 @@ def ablation(
     return trials
 
 
-def p_expert(study: Study, system: str) -> list[Trial]:
-    """The ablation of p_e."""
-    return ablation(study, system, "p_expert")
+p_expert = functools.partial(ablation, name="p_expert")
+pixels = functools.partial(ablation, name="pixels")
+patience = functools.partial(ablation, name="patience")
 
 
 def phases(study: Study, system: str) -> list[Trial]:
     """The ablations of all three phases."""
     return [trial for name in ITERATIONS for trial in ablation(study, system, name)]
-
-
-def pixels(study: Study, system: str) -> list[Trial]:
-    """The ablation of the map's resolution."""
-    return ablation(study, system, "pixels")
-
-
-def patience(study: Study, system: str) -> list[Trial]:
-    """The ablation of the patience."""
-    return ablation(study, system, "patience")
 
 
 def usual(preset: Preset, system: str, name: str) -> float:

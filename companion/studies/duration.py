@@ -38,12 +38,8 @@ def trials(study: Study, system: str) -> list[Trial]:
     )
     sidm = long.preset.training_of(METHODS["sidm"], system)
     many_experts = replace(sidm, p_expert=MANY_EXPERTS)
-    trials = []
-    for seed in range(SEEDS):
-        firsts = long.points(system, COMPARED, MINUTES, seeds=1)
-        firsts += long.points(system, ["sidm"], MINUTES, many_experts, seeds=1)
-        trials += [first.replace(seed=seed) for first in firsts]
-    return trials
+    trials = long.points(system, COMPARED, MINUTES, seeds=SEEDS)
+    return trials + long.points(system, ["sidm"], MINUTES, many_experts, SEEDS)
 
 
 def ratio_of_many_experts(study: Study, store: Results) -> pd.DataFrame:

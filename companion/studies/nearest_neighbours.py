@@ -12,17 +12,15 @@ loss says whether the expert moved like the novice.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from companion.engine.records import read_or_empty
-from companion.numerics import versions
 from companion.study import Study
 from sidm.drives import STEPS, Drive
 from sidm.shards import load
-from sidm.storage import write_record
 from sidm.systems import PAPER_SYSTEMS
 
 MOST = 40_000  # steps of each robot, at most, among which neighbours are looked up
@@ -82,9 +80,9 @@ def neighbourhoods(
     }
 
 
-def make(study: Study, workers: int) -> None:
-    """Measure and store, for `companion run --figure overlap`, in one process."""
-    measured: dict[str, dict[str, list[float]]] = {}
+def make(study: Study, workers: int) -> dict[str, Any]:
+    """Measure the neighbourhoods of the paper's systems, in one process."""
+    measured = {}
     for system in PAPER_SYSTEMS:
         loaded = {
             kind: load(study.data, dataset.collection, dataset.count)
@@ -97,8 +95,7 @@ def make(study: Study, workers: int) -> None:
             role: [float(f"{value:.6g}") for value in values]
             for role, values in neighbourhoods(expert, novice, queries).items()
         }
-    made = {"preset": study.preset.name, "numerics": versions("simulation")}
-    write_record(study.results / NAME, {**measured, **made})
+    return measured
 
 
 def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:

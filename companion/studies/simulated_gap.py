@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,12 +21,9 @@ from matplotlib.figure import Figure
 from companion.engine.records import read_or_empty
 from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
-from companion.numerics import versions
 from companion.study import Study
-from sidm.config import to_mapping
 from sidm.drives import CONTROL_STEP, QUATERNION, tilt_of, yaw_of
 from sidm.pool import local_pool
-from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS, ROLES, find_system
 from sidm.terrain import generate_terrain
 
@@ -85,26 +83,21 @@ def components(states: np.ndarray, yaw: float) -> np.ndarray:
     return np.column_stack([forward, sideways, z, roll, pitch, turned, states[:, 7:13]])
 
 
-def make(
-    study: Study,
-    workers: int,
-    systems: Sequence[str] = EVERY_SYSTEM,
-    starts: int = STARTS,
-) -> None:
-    """Measure and store the gap at every step, for `companion run --figure gap`.
+def make(study: Study, workers: int) -> dict[str, Any]:
+    """Measure the gap at every step.
 
     The gap is the root mean square, over the starts, of the difference between the
     expert's and the novice's component. The spread is the standard deviation of the
     novice's component over the starts; the gap is compared with it.
     """
     batches = [
-        range(first, min(first + BATCH, starts)) for first in range(0, starts, BATCH)
+        range(first, min(first + BATCH, STARTS)) for first in range(0, STARTS, BATCH)
     ]
     measured = {}
     with local_pool(workers) as pool:
         jobs = {
             system: [pool.submit(simulate_components, system, part) for part in batches]
-            for system in systems
+            for system in EVERY_SYSTEM
         }
         for system, parts in jobs.items():
             motions = np.concatenate([part.result() for part in parts], axis=1)
@@ -114,9 +107,7 @@ def make(
                 "gap": gap.round(6).tolist(),
                 "spread": novice.std(0).round(6).tolist(),
             }
-    robots = {system: to_mapping(find_system(system)) for system in systems}
-    made = {"starts": starts, "systems": robots, "numerics": versions("free_struts")}
-    write_record(study.results / NAME, {"found": measured, **made})
+    return {"found": measured}
 
 
 def table(results: Path | str = "results") -> pd.DataFrame:

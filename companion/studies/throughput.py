@@ -10,7 +10,7 @@ method in particular.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from companion.study import Study
 from companion.trials import Trial
 from sidm.config import replace
 from sidm.drives import STEPS
-from sidm.storage import write_record
 
 NAME = "pace.json"
 SYSTEM = "system1"  # system2 has the same networks and batches of the same size
@@ -61,31 +60,26 @@ def time_training(trial: Trial, data: str | Path) -> float:
     return 1000 * (end - start) / (last - first)
 
 
-def measure(
-    study: Study,
-    results: Path,
-    methods: Sequence[str] = TRAINED,
-    rounds: int = ROUNDS,
-    beside: str = "nothing else",
-) -> None:
-    """Time the methods on the smallest dataset of the baselines, and write NAME.
+def make(study: Study, workers: int) -> dict[str, Any]:
+    """Time the methods on the smallest dataset of the baselines, in one process.
 
-    `beside` is what else the machine does at the same time, in words.
+    What else the machine does at the same time is not known.
     """
     minutes = study.preset.baseline_minutes[:1]
     trials = {
-        name: study.points(SYSTEM, [name], minutes, seeds=1)[0] for name in methods
+        name: study.points(SYSTEM, [name], minutes, seeds=1)[0] for name in TRAINED
     }
-    times: dict[str, list[float]] = {name: [] for name in methods}
+    times: dict[str, list[float]] = {name: [] for name in TRAINED}
     start = time.perf_counter()
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for name, trial in trials.items():
             times[name].append(float(f"{time_training(trial, study.data):.6g}"))
     made = record_provenance(time.perf_counter() - start, THREADS, resumed=False)
     names = ("source", "python", "torch", "device", "threads", "date")
     provenance = {name: getattr(made, name) for name in names}
+    beside = "what else it did, which was not said"
     record = {"preset": study.preset.name, "seconds": times, "beside": beside}
-    write_record(results / NAME, record | provenance)
+    return record | provenance
 
 
 def _stored(results: Path | str, preset: str) -> dict[str, Any]:
@@ -123,8 +117,3 @@ def seconds(frame: pd.DataFrame, paces: Mapping[str, float]) -> pd.Series:
     spent = training.where(frame.samples > 0, 0.0)
     spent += pretraining.where(frame.pretraining_samples > 0, 0.0)
     return spent.where(frame.samples + frame.pretraining_samples > 0)
-
-
-def make(study: Study, workers: int) -> None:
-    """Measure and store, for `companion run --figure throughput`, in one process."""
-    measure(study, study.results, beside="what else it did, which was not said")

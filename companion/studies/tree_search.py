@@ -11,11 +11,9 @@ that of least squares.
 from __future__ import annotations
 
 import zlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import torch
 
 from companion.engine.library import Library
@@ -99,8 +97,8 @@ def references(splits: dict[int, Datasets]) -> list[float]:
     return found
 
 
-def make(study: Study, workers: int) -> None:
-    """Search and store, for `companion run --figure tree-search`.
+def make(study: Study, workers: int) -> dict[str, Any]:
+    """Search the settings.
 
     Draws that are done are kept among the data, so that the same command goes on.
     """
@@ -125,8 +123,8 @@ def make(study: Study, workers: int) -> None:
         for name, count in DRAWS.items()
     }
     least = [round(loss, 6) for loss in references(splits)]
-    write_record(study.results / NAME, {**rows, "least_squares": least, **made})
     kept.unlink(missing_ok=True)
+    return {**rows, "least_squares": least}
 
 
 def _load(library: Library, trial: Trial) -> Datasets:
@@ -134,26 +132,3 @@ def _load(library: Library, trial: Trial) -> Datasets:
     datasets = library.datasets(trial)
     assert datasets.expert is not None
     return datasets._replace(expert=datasets.expert.first(EXPERT_DRIVES))
-
-
-def read(results: Path | str) -> pd.DataFrame:
-    """The stored draws, from the best of each method to the worst.
-
-    They have `method`, `number`, `growths` as `draw` has them, and `score`, the
-    geometric mean over the splits of the loss by that of least squares.
-    """
-    stored = read_or_empty(Path(results) / NAME)
-    rows = []
-    for method in DRAWS:
-        for number, (growths, found) in enumerate(stored.get(method, ())):
-            ratios = np.log(found) - np.log(stored["least_squares"])
-            settings = [Growth(*growth) for growth in growths]
-            rows.append((method, number, settings, float(np.exp(ratios.mean()))))
-    table = pd.DataFrame(rows, columns=["method", "number", "growths", "score"])
-    return table.sort_values(["method", "score"]).reset_index(drop=True)
-
-
-def best(results: Path | str) -> dict[str, int]:
-    """The number of each method's draw with the lowest score."""
-    first = read(results).groupby("method").head(1)
-    return dict(zip(first.method, first.number, strict=True))

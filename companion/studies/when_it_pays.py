@@ -26,7 +26,6 @@ from companion.engine.datasets import collect_dataset
 from companion.engine.records import read_or_empty
 from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
-from companion.numerics import versions
 from companion.statistics.savings import savings
 from companion.studies.nearest_neighbours import NEIGHBOURS
 from companion.studies.other_bodies import by_novice
@@ -39,7 +38,6 @@ from companion.trials import EXPERT_SEED, POOL_SEED
 from sidm.drives import QUATERNION, Drive, yaw_of
 from sidm.pool import local_pool
 from sidm.shards import Collection
-from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS
 
 RATE = 10  # control steps per second
@@ -201,15 +199,14 @@ def pair_motions(
         yield pair, recorded_motion(expert), recorded_motion(novice)
 
 
-def make(study: Study, workers: int) -> None:
-    """Measure and store the gap of every pair, for `companion run --figure payoff`."""
+def make(study: Study, workers: int) -> dict[str, Any]:
+    """Measure the gap of every pair."""
     measured = {}
     with local_pool(workers) as pool:
         for pair, *motions in pair_motions(study.data, pool):
             errors = gap(*motions)
             measured[pair] = {name: float(f"{errors[name]:.5g}") for name in errors}
-    record = {"found": measured, "numerics": versions("free_struts")}
-    write_record(study.results / NAME, record)
+    return {"found": measured}
 
 
 def gaps(results: Path | str = "results") -> pd.DataFrame:

@@ -21,8 +21,16 @@ from companion.statistics.intervals import holm, p_values
 from companion.statistics.pairs import pooled_comparison
 from companion.statistics.stopping_rules import RULES, apply_rule
 from companion.studies.ablations import values_of
-from companion.studies.decisive.arms import FEW_SEEDS, R_CAPS, arm, restricted
-from companion.studies.decisive.further import ABLATED, ABLATION_CAPS, OF_R, ablations
+from companion.studies.decisive.arms import (
+    ABLATED,
+    ABLATION_CAPS,
+    FEW_SEEDS,
+    OF_R,
+    R_CAPS,
+    ablations,
+    arm,
+    restricted,
+)
 from companion.studies.decisive.verdicts import END, RELEASED
 from companion.study import Study
 from sidm.plots import finish, side_by_side, styled

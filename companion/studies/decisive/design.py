@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from companion.engine.store import Results
 from companion.statistics.tables import overview
-from companion.studies.decisive import further, search
+from companion.studies.decisive import arms, search
 from companion.studies.decisive.arms import (
     ALL_SEEDS,
     FEW_SEEDS,
@@ -77,11 +77,11 @@ STEPS = (
     Step("B2", "T, system 2", 55, functools.partial(whole_arm, "T", "system2")),
     Step("C", "free struts, R and T; another policy, R", 30, other_motion),
     Step("D", "seeds 5 to 9 at 5 min, and training alone at 20", 60, more_seeds),
-    Step("E1", "R with one setting changed: p_e, phases", 48, further.ablations),
-    Step("E2", "the SIDM with the rival's decay, system 1", 6, further.rivals_decay),
-    Step("E3", "T, system 2, what decides at 5 min", 25, further.tuned_on_system2),
-    Step("E4", "R until its own rule ends it, system 1", 15, further.to_its_rule),
-    Step("E5", "R with maps of 64 pixels, system 1", 9, further.released_maps),
+    Step("E1", "R with one setting changed: p_e, phases", 48, arms.ablations),
+    Step("E2", "the SIDM with the rival's decay, system 1", 6, arms.rivals_decay),
+    Step("E3", "T, system 2, what decides at 5 min", 25, arms.tuned_on_system2),
+    Step("E4", "R until its own rule ends it, system 1", 15, arms.to_its_rule),
+    Step("E5", "R with maps of 64 pixels, system 1", 9, arms.released_maps),
 )
 
 

@@ -3,7 +3,7 @@
 Plans are made with a learned model or with the simulator itself.
 
 `companion run --figure driving` makes the results that are not stored in
-results/driving yet.
+results/driving.jsonl yet.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from companion.figures.style import METHOD_LABELS
 from companion.methods import COMPARED
 from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.intervals import interval
-from companion.statistics.pairs import paired_comparison
+from companion.statistics.pairs import interval_texts, paired_comparison
 from ownrobot.comparison.statistics import Interval
 
 #: Labels of methods, short where the whole one would fill a figure.
@@ -166,8 +166,7 @@ def _labels(table: pd.DataFrame) -> list[str]:
 
 
 def _intervals(table: pd.DataFrame, value: str) -> list[str]:
-    ends = table[[value, "low", "high"]].itertuples(index=False)
-    return [Interval(*row).text(2) for row in ends]
+    return interval_texts(table[[value, "low", "high"]], 2)
 
 
 def rivals(table: pd.DataFrame) -> pd.DataFrame:

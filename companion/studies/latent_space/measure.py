@@ -2,7 +2,7 @@
 
 `companion run --figure latent-space` trains the models again, at the two sizes of the
 baselines with and without regularisation, and stores the diagnoses in
-results/latent_space.
+results/latent_space.jsonl.
 """
 
 from __future__ import annotations

@@ -11,15 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from companion.engine.records import read_or_empty
-from companion.numerics import versions
 from companion.studies.latent_space.measure import jobs
 from companion.study import Study
 from companion.trials import Trial
-from sidm.storage import write_record
 from sidm.systems import PAPER_SYSTEMS
 
 NAME = "untrained_latents.json"
@@ -59,15 +58,15 @@ def measure(trial: Trial, data: Path) -> dict[str, tuple[float, float]]:
     return apart
 
 
-def make(study: Study, workers: int) -> None:
-    """Measure and store, for `companion run --figure untrained-latents`.
+def make(study: Study, workers: int) -> dict[str, Any]:
+    """Measure the latents of the paper's systems, in one process.
 
     The models are the SIDMs of the smallest size, one for each seed; all sizes start
     alike.
     """
     from sidm.learning.arithmetic import one_thread
 
-    stored: dict[str, object] = {}
+    stored = {}
     with one_thread():
         for system in PAPER_SYSTEMS:
             trials = [trial for trial in jobs(study, system) if trial.method == "sidm"]
@@ -78,8 +77,7 @@ def make(study: Study, workers: int) -> None:
                 name: [[round(value, 4) for value in seed[name]] for seed in seeds]
                 for name in ENCODERS
             }
-    made = {"preset": study.preset.name, "numerics": versions("diagnosis")}
-    write_record(study.results / NAME, {**stored, **made})
+    return stored
 
 
 def table(results: Path | str, systems: Sequence[str]) -> pd.DataFrame:

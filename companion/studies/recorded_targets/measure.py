@@ -1,7 +1,7 @@
 """Recorded motion of another simulator as novice, this package's simulator as expert.
 
 `companion run --figure recorded-targets` makes the results that are not stored in
-results/recorded_targets yet.
+results/recorded_targets.jsonl yet.
 """
 
 from __future__ import annotations

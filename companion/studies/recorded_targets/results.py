@@ -23,7 +23,6 @@ from companion.statistics.claims import claim_rows, ratio_verdicts
 from companion.statistics.pairs import complete, pooled_comparison
 from companion.studies.recorded_targets.measure import HELD_OUT, Proxy
 from companion.studies.recorded_targets.recorded import validation_grounds
-from ownrobot.comparison.statistics import Interval
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
@@ -223,10 +222,8 @@ def sidm_ratios(table: pd.DataFrame, proxy: Proxy = "expert") -> dict[str, str]:
     """System -> the loss with an SIDM by that without it, over all sizes, as text."""
     rows = _sidm_beside_without(table)
     rows = rows[rows.proxy == proxy]
-    return {
-        row.system: Interval(row.ratio, row.low, row.high).text(2)
-        for row in rows.itertuples()
-    }
+    texts = pairs.interval_texts(rows[["ratio", "low", "high"]], 2)
+    return dict(zip(rows.system, texts, strict=True))
 
 
 def _sidm_beside_without(table: pd.DataFrame) -> pd.DataFrame:

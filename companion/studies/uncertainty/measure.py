@@ -1,7 +1,7 @@
 """Training by likelihood beside its deterministic twin (section 3.2, last paragraph).
 
 `companion run --figure uncertainty` makes the results that are not stored in
-results/uncertainty yet.
+results/uncertainty.jsonl yet.
 """
 
 from __future__ import annotations

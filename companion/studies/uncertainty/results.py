@@ -20,8 +20,7 @@ from companion.figures.style import (
     system_panels,
 )
 from companion.statistics.claims import claim_rows
-from companion.statistics.pairs import paired_comparison
-from ownrobot.comparison.statistics import Interval
+from companion.statistics.pairs import interval_texts, paired_comparison
 from sidm.drives import CONTROL_STEP, QUATERNION
 from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
@@ -143,15 +142,13 @@ def cost(table: pd.DataFrame) -> pd.Series:
 def likelihood_page(table: pd.DataFrame) -> pd.DataFrame:
     """A table made by `table` with the columns and headings of a page."""
     page = _in_words(table)[[*HEADINGS.values(), "seeds"]]
-    ends = table[["difference", "low", "high"]].itertuples(index=False)
     columns = {
         "loss, eq. (1)": table.loss.map("{:.3f}".format),
         "NLL (nats)": table.nll.map("{:.2f}".format),
         "constant": table.constant.map("{:.2f}".format),
-        "less the twin's NLL (95 % interval)": [
-            "-" if math.isnan(row.difference) else Interval(*row).text(2)
-            for row in ends
-        ],
+        "less the twin's NLL (95 % interval)": interval_texts(
+            table[["difference", "low", "high"]], 2
+        ),
     }
     return page.assign(**columns)
 

@@ -124,9 +124,12 @@ def test_nothing_that_is_stored_is_stale(name):
 
 def test_a_measurement_is_made_where_it_lacks_or_is_stale(tmp_path, monkeypatch):
     made = []
-    monkeypatch.setattr(
-        "companion.studies.simulated_gap.make", lambda *_: made.append("gap")
-    )
+
+    def make(study, workers):
+        made.append("gap")
+        return {"found": {}}
+
+    monkeypatch.setattr("companion.studies.simulated_gap.make", make)
     gap, study = MEASUREMENTS["gap"], Study("smoke", tmp_path, tmp_path)
     assert gap.overview(study, None)[1] == 1
     assert gap.run(study, None, 1) == 0 and len(made) == 1

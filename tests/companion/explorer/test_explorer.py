@@ -17,7 +17,6 @@ from companion.explorer.live import (
     softer,
     with_picture,
 )
-from companion.numerics import versions
 from ownrobot.replay import ROBOTS, Ride, find_robot, ride, tilt, weave
 from ownrobot.replay.viewer import unpack
 from sidm.config import ConfigError
@@ -125,12 +124,6 @@ def test_robots_are_found_by_name():
 @pytest.fixture(scope="module")
 def stored():
     return grid.read(ROOT / grid.FOLDER)
-
-
-def test_the_stored_rides_are_of_todays_physics(stored):
-    assert stored.numerics == versions("free_struts"), (
-        "make them anew: companion run --figure explorer"
-    )
 
 
 @pytest.mark.more

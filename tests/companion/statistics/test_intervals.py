@@ -42,21 +42,6 @@ def test_leaving_one_out_of_a_mean_is_students_interval():
     )
 
 
-def test_intervals_of_repeated_splits_hold_the_truth():
-    """A mean is measured on a quarter of 40 sessions, split anew ten times.
-
-    Plain intervals hold the truth far less often than in 95 %.
-    """
-    rng, held = np.random.default_rng(0), np.zeros(2)
-    for _ in range(200):
-        sessions = rng.normal(size=40)
-        means = np.array([rng.permutation(sessions)[:10].mean() for _ in range(10)])
-        for number, share in enumerate((0.0, 0.25)):
-            low, high = interval(np.mean, means, held_out=share)[1:]
-            held[number] += low < 0 < high
-    assert held[0] < 0.85 * 200 < 0.9 * 200 < held[1]
-
-
 def test_intervals_of_degenerate_samples():
     for few in ([2.0], [1.5, 2.5]):
         assert interval(np.mean, np.array(few)).text(3) == "2.00"

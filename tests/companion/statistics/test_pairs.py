@@ -12,9 +12,8 @@ from companion.statistics.pairs import (
     paired_comparison,
     pooled_comparison,
 )
-from companion.statistics.tables import component_errors, wide
+from companion.statistics.tables import wide
 from sidm.config import replace
-from sidm.learning.observation import TARGET_SIZE
 
 
 @pytest.fixture
@@ -94,16 +93,6 @@ def test_what_is_complete_is_kept(figure3_frame, figure3_rows, make_row):
     other = make_row(first.replace(training=replace(first.training, p_expert=0.1)))
     with pytest.raises(ValueError, match="two results of system1 at one point"):
         complete(frame_of([*figure3_rows, other]), "system1")
-
-
-def test_component_errors_are_roots_of_mean_squares():
-    rows = component_errors(
-        {"few": [[4.0] * TARGET_SIZE, [14.0] * TARGET_SIZE], "many": [[1.0] * 13]}
-    )
-    assert rows.component[3] == "quaternion x" and rows.unit[12] == "rad/s"
-    values = rows[["few", "many"]][:-1].astype(float)
-    np.testing.assert_allclose(values, [[3.0, 1.0]] * TARGET_SIZE)
-    assert rows.few.iloc[-1] == 9 * TARGET_SIZE
 
 
 def test_a_wide_table_keeps_its_order_and_has_a_dash_where_nothing_is():

@@ -24,9 +24,9 @@ from companion.statistics.savings import data_ratio
 from companion.statistics.stopping_rules import RULES
 from companion.studies.decisive import (
     ablated,
+    arms,
     design,
     figure4,
-    further,
     length_curves,
     search,
     stopping_charts,
@@ -343,7 +343,7 @@ def put(study, make_row):
         every = np.full(trial.training.max_samples // WIDE, loss)
         every[:10] = np.linspace(2 * loss, loss, 10)
         if later is not None:
-            every[further.ABLATION_CAPS[trial.system] // WIDE + 2 :] = later
+            every[arms.ABLATION_CAPS[trial.system] // WIDE + 2 :] = later
         row = make_row(trial, every[-1])
         Results(study.results).put(with_curve(row, every, WIDE))
 
@@ -358,11 +358,11 @@ def results(study, put):
     """
     rng = np.random.default_rng(0)
     seeds = 1 + 0.1 * rng.standard_normal(3)
-    for system in further.ABLATION_CAPS:
+    for system in arms.ABLATION_CAPS:
         later = 0.1 if system == "system2" else None
         for trial in arm(study, "R", system, restricted(R_CAPS, sidm=(5.0,)), range(3)):
             put(trial, 0.3 * seeds[trial.seed], later)
-    made = further.ablations(study)
+    made = arms.ablations(study)
     assert len({trial.key for trial in made}) == 48
     for trial in made:
         effect = 1.3 if trial.training.p_expert == 0.9 else 1
@@ -423,12 +423,12 @@ def test_the_median_drive_is_shown():
 
 
 def test_one_setting_changes_at_a_time(study):
-    made = further.ablations(study)
+    made = arms.ablations(study)
     assert len({trial.key for trial in made}) == 48
     for trial in made:
         training = trial.training
         off_r = [
-            training.p_expert != further.OF_R["p_expert"][trial.system],
+            training.p_expert != arms.OF_R["p_expert"][trial.system],
             training.prediction_iterations != 100,
             training.matching_iterations != 20 or not training.regularise,
         ]

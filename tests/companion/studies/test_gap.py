@@ -1,17 +1,15 @@
 """The distance of two robots before learning: gap, overlap, and what it pays."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from companion import Study
-from companion.numerics import versions
+from companion.registry import MEASUREMENTS
 from companion.studies import nearest_neighbours, simulated_gap, when_it_pays
 from companion.studies.several_experts import results as family_results
 from companion.studies.when_it_pays import Group, PlanarMotion
-from sidm.storage import read_record, write_record
+from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from tests.companion.conftest import RESULTS
 
@@ -30,27 +28,16 @@ def test_components_are_told_in_the_frame_of_the_start():
 
 
 @pytest.mark.more
-def test_a_pair_is_measured_from_the_same_starts(tmp_path):
+def test_a_pair_is_measured_from_the_same_starts(tmp_path, monkeypatch):
     """The result does not depend on how many starts a worker drives."""
-    simulated_gap.make(Study("smoke", tmp_path, tmp_path), 1, ["system1"], starts=3)
+    monkeypatch.setattr(simulated_gap, "EVERY_SYSTEM", ("system1",))
+    monkeypatch.setattr(simulated_gap, "STARTS", 3)
+    MEASUREMENTS["gap"].run(Study("smoke", tmp_path, tmp_path), None, 1)
     table = simulated_gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
     assert forward.gap[2.5] > forward.gap[0.5] > 0
     one, both = (simulated_gap.simulate_components("system1", n) for n in ([1], [0, 1]))
     assert np.array_equal(one[:, 0], both[:, 1]) and not np.array_equal(one[0], one[1])
-
-
-@pytest.mark.parametrize(
-    ("study", "kind"),
-    [
-        (simulated_gap, "free_struts"),
-        (nearest_neighbours, "simulation"),
-        (when_it_pays, "free_struts"),
-    ],
-)
-def test_what_is_stored_is_of_todays_physics(study, kind):
-    repeated = f"again: companion run --figure {Path(study.NAME).stem}"
-    assert read_record(RESULTS / study.NAME)["numerics"] == versions(kind), repeated
 
 
 def test_stored_robots_drive_sensibly(tmp_path):
@@ -97,7 +84,7 @@ def test_like_robots_cover_each_other_and_one_that_was_elsewhere_nothing(drawn):
 def test_an_overlap_that_is_measured_is_read(study, monkeypatch):
     monkeypatch.setattr(nearest_neighbours, "PAPER_SYSTEMS", ("system1",))
     assert nearest_neighbours.read(study.results) == {}
-    nearest_neighbours.make(study, workers=1)
+    MEASUREMENTS["overlap"].run(study, None, workers=1)
     monkeypatch.setattr(nearest_neighbours, "PAPER_SYSTEMS", ("system1", "added"))
     stored = nearest_neighbours.read(study.results)
     assert list(stored) == ["system1"] and {*stored["system1"]} == {"expert", "novice"}

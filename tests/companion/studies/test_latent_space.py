@@ -6,6 +6,7 @@ import torch
 from sklearn.linear_model import LogisticRegression
 
 from companion.engine.library import Library
+from companion.registry import MEASUREMENTS
 from companion.studies.latent_space import latents, measure, untrained
 from sidm.learning import DynamicsModel, validation_loss
 from sidm.systems import ROLES
@@ -91,7 +92,7 @@ def test_two_untrained_encoders_are_farther_apart_than_one(study, monkeypatch):
     """With one encoder the latents differ as much as the robots' motion does."""
     monkeypatch.setattr(untrained, "PAPER_SYSTEMS", ("system1",))
     assert not len(untrained.table(study.results, ["system1"]))
-    untrained.make(study, workers=1)
+    MEASUREMENTS["untrained-latents"].run(study, None, workers=1)
     measured = untrained.table(study.results, ["system1"])
     own, one = (
         measured.mmd[measured.encoders == name].to_numpy()

@@ -8,18 +8,7 @@ from companion.registry import STUDIES
 from companion.studies.real_robots import jitter
 from companion.studies.real_robots import measure as m
 from companion.studies.real_robots import results as r
-from ownrobot.fitting.splits import session_order, sessions_of, train_test_split
 from sidm.config import ConfigError, replace
-
-
-def test_sessions_are_never_parted():
-    windows = m.robot("warthog", 19)
-    order = session_order(windows, 3)
-    parts = train_test_split(windows, order[:12])
-    learning, testing = (set(sessions_of(part)) for part in parts)
-    assert not learning & testing and learning | testing == set(order[:12])
-    more, _ = train_test_split(windows, order[:16])
-    assert learning <= set(sessions_of(more))
 
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):

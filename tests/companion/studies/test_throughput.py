@@ -6,13 +6,9 @@ import pytest
 
 from companion import Study
 from companion.engine.frame import frame_of
-from companion.studies.throughput import (
-    measure,
-    pace_note,
-    read,
-    seconds,
-    time_training,
-)
+from companion.registry import MEASUREMENTS
+from companion.studies import throughput
+from companion.studies.throughput import pace_note, read, seconds, time_training
 from sidm.learning import training
 
 
@@ -35,13 +31,15 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
     assert time_training(trial, study.data) > 0 and phases == [4]
 
 
-def test_what_is_measured_is_read(study, tmp_path):
+def test_what_is_measured_is_read(study, tmp_path, monkeypatch):
     name, methods = study.preset.name, ["sidm", "pretrain_finetune"]
     assert read(tmp_path, name) == {}
     assert "not measured" in pace_note(tmp_path, name, "companion run")
-    measure(study, tmp_path, methods, rounds=2, beside="a film")
+    monkeypatch.setattr(throughput, "TRAINED", methods)
+    monkeypatch.setattr(throughput, "ROUNDS", 2)
+    MEASUREMENTS["throughput"].run(study, None, workers=1)
     note = pace_note(tmp_path, name, "companion run")
-    assert "in 2 rounds, on one core" in note and "beside a film" in note
+    assert "in 2 rounds, on one core" in note and "beside what else" in note
     stored = read(tmp_path, name)
     assert {*stored} == {*methods} and read(tmp_path, "paper") == {}
     assert all(pace > 0 for pace in stored.values())

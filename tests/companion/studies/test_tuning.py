@@ -10,9 +10,10 @@ from companion import Results, Study, load_preset
 from companion.engine.frame import frame_of
 from companion.methods import FOR_LITTLE, METHODS
 from companion.numerics import versions
+from companion.registry import MEASUREMENTS
 from companion.statistics.savings import savings
 from companion.studies import tree_search
-from companion.studies.tree_search import best, draw, read
+from companion.studies.tree_search import draw
 from companion.studies.tuning import (
     LITTLE,
     LITTLE_TRIES,
@@ -139,38 +140,24 @@ def few(study, monkeypatch):
     return study
 
 
-def test_a_search_of_trees_goes_on_where_it_was_and_is_read(few):
+def test_a_search_of_trees_goes_on_where_it_was(few):
     """A draw that is kept is not searched again."""
     kept = few.data / "checkpoints" / tree_search.NAME
     done = {"trees 0": [1.0, 2.0]}
     write_record(kept, {"losses": done, "numerics": versions("fitting")})
-    tree_search.make(few, workers=1)
+    MEASUREMENTS["tree-search"].run(few, None, workers=1)
     stored = read_record(few.results / tree_search.NAME)
     assert stored["numerics"] == versions("fitting") and not kept.exists()
     assert stored["trees"][0][1] == [1.0, 2.0] != stored["trees"][1][1]
-    table = read(few.results)
-    logs = np.log(stored["trees"][1][1]) - np.log(stored["least_squares"])
-    row = table[(table.method == "trees") & (table.number == 1)].iloc[0]
-    assert row.score == pytest.approx(np.exp(logs.mean()))
-    assert row.growths == draw("trees", 1)
-
-
-def test_the_lowest_score_is_chosen(tmp_path):
-    def row(method, number, losses):
-        return [[list(growth) for growth in draw(method, number)], losses]
-
-    rows = {
-        "trees": [row("trees", 0, [0.9, 1.8]), row("trees", 1, [0.5, 3.0])],
-        "trees_corrected": [row("trees_corrected", n, [n + 1.0, 1.0]) for n in (0, 1)],
-    }
-    write_record(tmp_path / tree_search.NAME, rows | {"least_squares": [1.0, 2.0]})
-    assert best(tmp_path) == {"trees": 1, "trees_corrected": 0}
-    assert read(tmp_path).score.iloc[0] == pytest.approx(np.sqrt(0.75))
+    assert [Growth(*values) for values in stored["trees"][1][0]] == draw("trees", 1)
 
 
 def test_trees_grow_with_what_the_search_chose():
-    trees, corrected = (
-        draw(method, number) for method, number in best(RESULTS).items()
-    )
-    assert [boosting.NOVICE] == trees
-    assert [boosting.CORRECTION, boosting.EXPERT] == corrected
+    """The draw of each method whose losses by least squares are the lowest."""
+    stored, best = read_record(RESULTS / tree_search.NAME), {}
+    for method in tree_search.DRAWS:
+        losses = np.array([found for _, found in stored[method]])
+        scores = np.log(losses / stored["least_squares"]).mean(1)
+        best[method] = draw(method, int(scores.argmin()))
+    assert [boosting.NOVICE] == best["trees"]
+    assert [boosting.CORRECTION, boosting.EXPERT] == best["trees_corrected"]
