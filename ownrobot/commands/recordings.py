@@ -7,12 +7,15 @@ import statistics
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ownrobot.command_line import AddCommand
 from ownrobot.commands.options import DRIVES, add_reading_options
-from sidm.body import SI, Body
 from sidm.config import ConfigError, counted
-from sidm.drives import Drive, minutes_of
+
+if TYPE_CHECKING:
+    from sidm.body import Body
+    from sidm.drives import Drive
 
 CHECK_EXAMPLES = """\
   ownrobot check drives/ --body robot.yaml
@@ -53,6 +56,7 @@ def run_check(arguments: argparse.Namespace) -> int:
     from ownrobot.recordings.frames import faults_together
     from ownrobot.recordings.reading import as_paths, drives_of_paths
     from ownrobot.recordings.table import Findings, RecordingError
+    from sidm.drives import minutes_of
 
     body, paths = as_body(arguments.body), as_paths(arguments.drives)
     findings = Findings(skip=True, doubtful=not arguments.skip_bad)
@@ -96,6 +100,8 @@ def _table(drives: Sequence[Drive], body: Body) -> str:
     """A line for each column of the drives, below a line of titles."""
     import numpy as np
     import pandas as pd
+
+    from sidm.body import SI
 
     states = np.concatenate([drive.states for drive in drives])
     actions = np.concatenate([drive.actions for drive in drives])
