@@ -6,9 +6,8 @@ comparison, and the verdict follows the rule of the page on claims.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -40,34 +39,19 @@ LESS_EXPERT = f"p_e of {ablations.MOST_DATA_P_EXPERT:g}"
 NO_ADVERSARY = METHODS["no_regularisation"].label
 
 
-class Reading(NamedTuple):
-    """A row: a statement of the paper, how it is read, and what was measured."""
-
-    statement: str
-    reading: str
-    system: str
-    ours: str  # the quantity with its interval
-    seeds: int
-    verdict: str
-    corrected: bool = False  # by Holm over the verdicts of the decisive experiment
+#: Columns of a table of readings: a statement of the paper, how it is read, what was
+#: measured, with its interval, and whether the verdict is corrected by Holm over the
+#: verdicts of the decisive experiment.
+COLUMNS = ["statement", "reading", "system", "ours", "seeds", "verdict", "corrected"]
 
 
 def _readings(
     statement: str, reading: str, rows: pd.DataFrame, corrected: bool = False
-) -> list[Reading]:
-    """Readings of rows with `system`, `ours`, `seeds` and `verdict`."""
-    return [
-        Reading(
-            statement,
-            reading,
-            system_label(row.system),
-            row.ours,
-            int(row.seeds),
-            row.verdict,
-            corrected,
-        )
-        for row in rows.itertuples()
-    ]
+) -> pd.DataFrame:
+    """A table with COLUMNS of rows with `system`, `ours`, `seeds` and `verdict`."""
+    said = {"statement": statement, "reading": reading, "corrected": corrected}
+    named = rows.assign(**said, system=rows.system.map(system_label))
+    return named.reindex(columns=COLUMNS)
 
 
 def _with_texts(rows: pd.DataFrame, quantity: str, digits: int) -> pd.DataFrame:
@@ -87,36 +71,36 @@ def _paired(
     return rows.assign(ours=[f"{quantity} {text} ×" for text in rows.ours])
 
 
-def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[Reading]:
+def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[pd.DataFrame]:
     """How much data an SIDM saves with 5 minutes, and its loss with little data."""
     judged = verdicts.verdicts(decisive).query("method == 'sidm'")
     judged = judged.dropna(subset="value").rename(columns={"verdict": "name"})
     judged = judged.rename(columns={"says": "verdict"})
     for name, reading in (("R1", AS_RELEASED), ("T2", AT_ITS_BEST)):
         rows = _with_texts(judged[judged.name == name], "data", 2)
-        yield from _readings(SAVED, reading, rows, True)
+        yield _readings(SAVED, reading, rows, True)
     for system in PAPER_SYSTEMS:
         claimed = claims.data_saving_claim(figure3, system)
-        yield from _readings(SAVED, EARLY, _with_texts(claimed, "data", 2))
+        yield _readings(SAVED, EARLY, _with_texts(claimed, "data", 2))
     small = _with_texts(judged[judged.name == "S"], "loss", 3)
     small = small.sort_values("minutes", ascending=False, kind="stable")
     for (minutes, recipe), rows in small.groupby(["minutes", "recipe"], sort=False):
         reading = f"{TRAINED[recipe]}, {minutes:g} min"
-        yield from _readings(IMPROVEMENT, reading, rows, True)
+        yield _readings(IMPROVEMENT, reading, rows, True)
     sidm, alone = (figure3[figure3.method == n] for n in ("sidm", "novice_only"))
     for minutes in (1.0, LITTLE):
         rows = _paired(sidm[sidm.novice_minutes == minutes], alone)
-        yield from _readings(IMPROVEMENT, f"{EARLY}, {minutes:g} min", rows)
+        yield _readings(IMPROVEMENT, f"{EARLY}, {minutes:g} min", rows)
 
 
-def hours(figure3: pd.DataFrame) -> Iterator[Reading]:
+def hours(figure3: pd.DataFrame) -> Iterator[pd.DataFrame]:
     """Whether the curves meet with hours of data (section 5)."""
     for system in PAPER_SYSTEMS:
         rows = claims.convergence_claim(figure3, system)
-        yield from _readings('"comparable" with 2 h and 5 h', EARLY, rows)
+        yield _readings('"comparable" with 2 h and 5 h', EARLY, rows)
 
 
-def paths(figure4: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[Reading]:
+def paths(figure4: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[pd.DataFrame]:
     """Predicted paths over 25 steps (section 5)."""
     parts: list[tuple[str, pd.DataFrame, tuple[float, ...]]] = [
         (TRAINED[recipe], rows, (LITTLE,))
@@ -127,10 +111,12 @@ def paths(figure4: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[Reading]:
     for reading, frame, sizes in parts:
         for size in sizes:
             rows = claims.figure4_claims(frame, (size,))
-            yield from _readings(said, f"{reading}, {size:g} min", rows)
+            yield _readings(said, f"{reading}, {size:g} min", rows)
 
 
-def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> Iterator[Reading]:
+def pretraining(
+    baselines: pd.DataFrame, bodies: pd.DataFrame
+) -> Iterator[pd.DataFrame]:
     """Whether an SIDM can be learnt from the expert alone, in three readings.
 
     The narrowest, which is nearest to the paper's words (section 4), comes first.
@@ -148,7 +134,7 @@ def pretraining(baselines: pd.DataFrame, bodies: pd.DataFrame) -> Iterator[Readi
         copied, sidm = (frame[frame.method == name] for name in (method, "sidm"))
         rows = _paired(copied, sidm, "loss / SIDM's", above=True)
         said = '"cannot be pretrained using just expert data"'
-        yield from _readings(said, reading, rows)
+        yield _readings(said, reading, rows)
 
 
 def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
@@ -160,7 +146,7 @@ def _mean_over_bodies(frame: pd.DataFrame) -> pd.DataFrame:
 
 def more_data(
     figure3: pd.DataFrame, changed: Mapping[str, pd.DataFrame]
-) -> Iterator[Reading]:
+) -> Iterator[pd.DataFrame]:
     """Whether an SIDM should learn less from the expert as the novice's data grow.
 
     `changed` has, by the name of a change, its results on the largest novice dataset.
@@ -170,10 +156,10 @@ def more_data(
     for name, frame in changed.items():
         rows = _paired(frame, sidm).assign(verdict=claims.NOT_TESTED)
         said = "with more novice data a lower p_e and less matching"
-        yield from _readings(said, f"{name}, on the largest dataset", rows)
+        yield _readings(said, f"{name}, on the largest dataset", rows)
 
 
-def alikeness(latents: pd.DataFrame) -> Iterator[Reading]:
+def alikeness(latents: pd.DataFrame) -> Iterator[pd.DataFrame]:
     """Whether matching made the latents alike (section 3)."""
     few = latents[latents.novice_minutes == LITTLE]
     matched, free = (few[few.method == n] for n in ("sidm", "no_regularisation"))
@@ -184,10 +170,10 @@ def alikeness(latents: pd.DataFrame) -> Iterator[Reading]:
         table = paired_comparison(matched, free, value=name, difference=True)
         rows = claims.claim_rows(table, "", "")
         reading = f"{EARLY}: {quantity}, with 5 matching iterations minus with none"
-        yield from _readings("latents become alike", reading, rows)
+        yield _readings("latents become alike", reading, rows)
 
 
-def high_p_expert(p_expert: pd.DataFrame, study: Study) -> list[Reading]:
+def high_p_expert(p_expert: pd.DataFrame, study: Study) -> pd.DataFrame:
     """Whether a p_e proportional to the data is too high (section 4)."""
     few = p_expert[p_expert.novice_minutes == LITTLE]
     papers = few.system.map(study.preset.p_expert).astype(float)
@@ -200,7 +186,7 @@ def high_p_expert(p_expert: pd.DataFrame, study: Study) -> list[Reading]:
     )
 
 
-def long_phases(phases: pd.DataFrame, study: Study) -> Iterator[Reading]:
+def long_phases(phases: pd.DataFrame, study: Study) -> Iterator[pd.DataFrame]:
     """Whether too long a phase harms the other phase's loss (section 4).
 
     The paper's own 20 matching iterations, and the other phase's loss, are step E1's.
@@ -223,11 +209,11 @@ def long_phases(phases: pd.DataFrame, study: Study) -> Iterator[Reading]:
     ):
         rows = _paired(long, usual_phases, above=True)
         said = "too long a phase leads to high losses for the other"
-        yield from _readings(said, reading, rows.assign(verdict=claims.NOT_TESTED))
+        yield _readings(said, reading, rows.assign(verdict=claims.NOT_TESTED))
 
 
-def readings(results: Results, data: Path | str = "data") -> list[Reading]:
-    """All readings, from the stored results."""
+def readings(results: Results, data: Path | str = "data") -> pd.DataFrame:
+    """All readings, with COLUMNS, from the stored results."""
 
     def frame(preset: str, figure: str) -> pd.DataFrame:
         return results.frame(
@@ -247,19 +233,21 @@ def readings(results: Results, data: Path | str = "data") -> list[Reading]:
             if name in (LESS_EXPERT, NO_ADVERSARY):
                 changed.setdefault(name, []).extend(trials)
     on_most_data = {name: results.frame(trials) for name, trials in changed.items()}
-    return [
+    tables = [
         *savings(figure3, decisive),
         *hours(figure3),
         *paths(frame(BOOK, "4"), decisive),
         *pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),
         *more_data(frame(SMALL, "3"), on_most_data),
         *alikeness(latents),
-        *high_p_expert(frame(SMALL, "p-expert"), small),
+        high_p_expert(frame(SMALL, "p-expert"), small),
         *long_phases(frame(SMALL, "iterations"), small),
     ]
+    found = pd.concat(tables, ignore_index=True)
+    return found.astype({"seeds": int, "corrected": bool})
 
 
-def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
+def page_table(table: pd.DataFrame) -> pd.DataFrame:
     """Readings with the headings of a page.
 
     Marked are intervals from three seeds, and verdicts that are corrected.
@@ -272,7 +260,6 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
         "seeds": "Seeds",
         "verdict": "Verdict",
     }
-    table = pd.DataFrame(rows, columns=list(Reading._fields))
     few = table.seeds.eq(FEWEST_SEEDS).map({True: " †", False: ""})
     corrected = table.corrected.map({True: " ‡", False: ""})
     marked = {"seeds": table.seeds.astype(str) + few}
@@ -280,9 +267,8 @@ def page_table(rows: Iterable[Reading]) -> pd.DataFrame:
     return table.assign(**marked)[list(names)].rename(columns=names)
 
 
-def nearest_table(rows: Iterable[Reading]) -> pd.DataFrame:
+def nearest_table(table: pd.DataFrame) -> pd.DataFrame:
     """Each statement in its first reading, the nearest: a column per pair of robots."""
-    table = pd.DataFrame(rows, columns=list(Reading._fields))
     first = table.groupby("statement", sort=False).reading.transform("first")
     table = table[table.reading == first]
     marks = table.corrected.map({True: " ‡", False: ""})

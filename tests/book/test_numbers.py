@@ -60,7 +60,7 @@ def test_what_lacks_results_is_not_run(tmp_path, make_row, count):
     assert {text for _, text in figure3_results.long_numbers(frame)} == {"not run"}
     units = figure3_results.unit_numbers(store.frame(search.compare_units(study)))
     assert {text for _, text in units} == {"not run"}
-    assert readings.readings(store, tmp_path) == []
+    assert not len(readings.page_table(readings.readings(store, tmp_path)))
     table = all_savings.table(store)
     assert not len(table) and list(table.columns) == all_savings.COLUMNS
 
@@ -105,20 +105,20 @@ def test_pretraining_has_three_readings(tuned, kept, core, verdict):
         for body, scale in (("no map", 1.0), ("planar", 3.0))
         for minutes in (1.0, 5.0)
     )
-    rows = list(readings.pretraining(baselines, bodies))
-    assert [row.verdict for row in rows] == [verdict] * 4
-    assert len({row.reading for row in rows}) == 4
-    narrow = [row.reading.startswith("SIDM alone") for row in rows]
-    assert narrow == [True, True, False, False]
+    rows = pd.concat(readings.pretraining(baselines, bodies))
+    assert rows.verdict.tolist() == [verdict] * 4
+    assert rows.reading.is_unique
+    narrow = rows.reading.str.startswith("SIDM alone")
+    assert narrow.tolist() == [True, True, False, False]
 
 
 def test_the_books_readings_are_those_of_its_parts(store, decisive):
     rows = readings.readings(store, "data")
     named = ["statement", "reading", "system"]
-    assert not pd.DataFrame(rows).duplicated(named).any()
+    assert not rows.duplicated(named).any()
     judged = verdicts.verdicts(decisive)
     first = judged[(judged.verdict == "R1") & (judged.system == "system1")].iloc[0]
-    assert rows[0].verdict == first.says and f"{first.value:.1f}" in rows[0].ours
+    assert rows.verdict[0] == first.says and f"{first.value:.1f}" in rows.ours[0]
     assert len(readings.page_table(rows)) == len(rows) > 9
 
 
