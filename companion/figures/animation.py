@@ -12,14 +12,12 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from companion.figures.style import draw_ground, half_width, legend_below
+from companion.figures.style import draw_surroundings, legend_below
 from sidm.drives import CONTROL_STEP
 from sidm.plots import STYLE
-from sidm.systems import GRID_SPACING
 
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s, duration of the last frame
@@ -42,7 +40,7 @@ def film(
     frames = []
     with plt.style.context(STYLE):
         figure, axes = plt.subplots(figsize=(6.8, 4.6), layout="constrained")
-        _draw_surroundings(axes, points, heights)
+        draw_surroundings(axes, points, heights, MARGIN)
         lines = [axes.plot([], [], marker="", **style)[0] for style in styles]
         heads = [axes.plot([], [], "o", color=style["color"])[0] for style in styles]
         marks: list[Artist] = []
@@ -75,19 +73,3 @@ def film(
     file, more = io.BytesIO(), {"append_images": frames[1:], "duration": times}
     frames[0].save(file, "gif", save_all=True, loop=0, **more)
     return file.getvalue()
-
-
-def _draw_surroundings(axes: Axes, points: np.ndarray, heights: np.ndarray) -> None:
-    """Draw the ground around points (N, 2), m, in a square with a MARGIN.
-
-    The greys span the heights within the square.
-    """
-    reach = float(np.ptp(points, axis=0).max()) / 2 + MARGIN
-    middle = (points.max(0) + points.min(0)) / 2
-    ends = middle + np.array([[-reach], [reach]])
-    indices = ((ends + half_width(heights)) / GRID_SPACING).round().astype(int)
-    (left, low), (right, high) = indices.clip(0)
-    seen = heights[low : high + 1, left : right + 1]
-    lowest, relief = seen.min(), max(float(np.ptp(seen)), 0.05)
-    draw_ground(axes, heights, lowest, lowest + 1.5 * relief)
-    axes.set(xlim=ends[:, 0], ylim=ends[:, 1], xlabel="x (m)", ylabel="y (m)")

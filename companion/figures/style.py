@@ -136,6 +136,24 @@ def draw_ground(axes: Axes, heights: np.ndarray, palest: float, darkest: float) 
     axes.grid(False)
 
 
+def draw_surroundings(
+    axes: Axes, points: np.ndarray, heights: np.ndarray, margin: float
+) -> None:
+    """Draw the ground (H, H), m, around points (N, 2), m, in a square with a margin, m.
+
+    The square ends at the border of the ground. The greys span the heights within it.
+    """
+    half = half_width(heights)
+    reach = float(np.ptp(points, axis=0).max()) / 2 + margin
+    middle = (points.max(0) + points.min(0)) / 2
+    ends = np.clip(middle + np.array([[-reach], [reach]]), -half, half)
+    (left, low), (right, high) = ((ends + half) / GRID_SPACING).round().astype(int)
+    seen = heights[low : high + 1, left : right + 1]
+    lowest, relief = seen.min(), max(float(np.ptp(seen)), 0.05)
+    draw_ground(axes, heights, lowest, lowest + 1.5 * relief)
+    axes.set(xlim=ends[:, 0], ylim=ends[:, 1], xlabel="x (m)", ylabel="y (m)")
+
+
 def mean_and_range(axes: Axes, table: pd.DataFrame, **style: Any) -> None:
     """Draw the `mean` of a table by its index, with a shade from `min` to `max`."""
     axes.plot(table.index, table["mean"], **style)

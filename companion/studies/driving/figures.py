@@ -14,8 +14,7 @@ from companion.extensions.drivers import ARRIVED
 from companion.figures.animation import film
 from companion.figures.style import (
     METHOD_STYLES,
-    draw_ground,
-    half_width,
+    draw_surroundings,
     legend_below,
     system_panels,
 )
@@ -25,6 +24,7 @@ from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 SHOWN = 4  # episodes whose paths are drawn
+MARGIN = 1.0  # m of ground shown around them
 #: Styles of the drivers that have no learned model.
 DRIVER_STYLES: dict[str, dict[str, Any]] = {
     "simulator": {"color": "#1A1A1A", "linestyle": "-."},
@@ -95,21 +95,15 @@ def paths_figure(table: pd.DataFrame, system: str) -> Figure:
     """
     figure, panels = side_by_side(SHOWN, columns=2)
     for number, axes in enumerate(panels):
-        title = f"episode {number}"
-        axes.set(xlabel="x (m)", ylabel="y (m)", title=title, aspect="equal")
+        axes.set_title(f"episode {number}")
         if paths := episode_paths(table, system, number):
             heights, _, goal = episode(system, number)
-            draw_ground(axes, heights, heights.min(), heights.max())
+            points = np.vstack([goal[None], *(path for path, _ in paths)])
+            draw_surroundings(axes, points, heights, MARGIN)
             for path, style in paths:
                 axes.plot(*path.T, marker="", **style)
             axes.scatter(0, 0, s=16, color="black", zorder=3)
             axes.add_patch(plt.Circle(tuple(goal), ARRIVED, fill=False, color="black"))
-            points = np.vstack([goal[None], *(path for path, _ in paths)])
-            middle = (points.max(0) + points.min(0)) / 2
-            reach = max(np.ptp(points, axis=0)) / 2 + 1
-            limit = half_width(heights)
-            x, y = np.clip([middle - reach, middle + reach], -limit, limit).T
-            axes.set(xlim=x, ylim=y)
         finish(axes, legend=False)
     legend_below(figure, panels)
     return figure
