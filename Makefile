@@ -97,10 +97,10 @@ golden: $(STAMP)
 	SIDM_GOLDEN=1 $(BIN)/python -m pytest tests/sidm tests/ownrobot tests/companion -k "figures or diagnosed or stored"
 
 planted: $(STAMP)
-	$(BIN)/python -m tests.planted
+	$(BIN)/python -m pytest -v -m more tests/test_planted.py
 
 crash: $(STAMP)
-	$(BIN)/python -m tests.crash
+	SIDM_KILLS=20 $(BIN)/python -m pytest -s -m more tests/companion/test_crash.py
 
 portable: $(STAMP)
 	$(BIN)/python -m tests.portable --jobs $(JOBS) $(LEGS)

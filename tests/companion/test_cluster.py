@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import pytest
-from crash import SETTINGS
 
 from companion import Results, Study, load_preset
 from companion.__main__ import main
@@ -18,6 +17,7 @@ from companion.cluster import executor_at
 from companion.tasks.run import records
 from sidm.shards import digest
 from sidm.simulation import collect
+from tests.companion.test_crash import SETTINGS
 
 pytestmark = pytest.mark.more
 
