@@ -29,7 +29,7 @@ ROUNDS = 5
 
 
 @functools.cache
-def trainer(pixels: int, batch: int, precision: str) -> Trainer:
+def trainer(pixels: int, batch: int) -> Trainer:
     """This process's training on random numbers, which take as long as real ones."""
     torch.set_num_threads(1)
     training = Training(
@@ -37,17 +37,16 @@ def trainer(pixels: int, batch: int, precision: str) -> Trainer:
         prediction_iterations=5,
         test_interval=10**6,
         max_samples=10**9,
-        precision=precision,
     )
     return Trainer(random_data(pixels), Network(pixels=pixels), training, seed=0)
 
 
-def train(pixels: int, batch: int, precision: str, plain: bool = False) -> float:
+def train(pixels: int, batch: int, plain: bool = False) -> float:
     """Samples a second of wall-clock time of four short phases in this process.
 
     `plain` trains with PyTorch alone.
     """
-    running, kernels = trainer(pixels, batch, precision), convolution.kernels
+    running, kernels = trainer(pixels, batch), convolution.kernels
     convolution.kernels = (lambda: None) if plain else kernels
     try:
         with contextlib.nullcontext() if plain else flushed_denormals():
@@ -77,9 +76,8 @@ def main() -> None:
     workloads: dict[str, tuple] = {
         f"{name}, {label}": (*size, *options)
         for label, options in (
-            ("float32", ("float32",)),
-            ("PyTorch alone", ("float32", True)),
-            ("bfloat16", ("bfloat16",)),
+            ("float32", ()),
+            ("PyTorch alone", (True,)),
         )
         for name, size in sizes.items()
     }

@@ -149,8 +149,7 @@ class Training:
             set is gone through in a random order, then in another one (released code)
         discriminator_draw: systems in a discriminator's batch; 'one': either with
             probability 0.5 (released code)
-        precision: arithmetic; 'tf32': of all products, on a GPU; 'bfloat16': of the
-            encoders, except in tests
+        precision: arithmetic; 'tf32': of all products, on a GPU
 
     Examples:
         >>> sidm.Training(p_expert=0.5, max_samples=300_000).matching_iterations
@@ -183,7 +182,7 @@ class Training:
     zero_gradients: bool = False
     replacement: bool = True
     discriminator_draw: Literal["both", "one"] = "both"
-    precision: Literal["float32", "tf32", "bfloat16"] = "float32"
+    precision: Literal["float32", "tf32"] = "float32"
 
     def __post_init__(self) -> None:
         """Refuse values that no run can have."""

@@ -48,8 +48,7 @@ def fits(trial: Trial) -> bool:
     )
     trained = not trial.solved and not trial.residual and training.max_samples > 0
     rovers = network.body("novice") == network.body("expert") == ROVER
-    plain = network.own == "all" and training.precision != "bfloat16"
-    return fixed and trained and rovers and plain
+    return fixed and trained and rovers and network.own == "all"
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:

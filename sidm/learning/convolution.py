@@ -42,7 +42,6 @@ def is_fast_for(layers: nn.Sequential, maps: Tensor, numbers: Tensor) -> bool:
         and maps.dtype == numbers.dtype == first.weight.dtype
         and maps.dtype in (torch.float32, torch.float64)
         and not (maps.requires_grad or numbers.requires_grad)
-        and not torch.is_autocast_enabled("cpu")
         and torch.get_num_threads() == 1
         and first.kernel_size == second.kernel_size == (4, 4)
         and first.out_channels % 4 == second.out_channels % 4 == 0

@@ -31,12 +31,6 @@ def mean_loss(model: Predictor, windows: Windows, role: str = "novice") -> float
     return total / windows.targets[..., 0].numel()
 
 
-def window_losses(model: Predictor, windows: Windows, role: str = "novice") -> Tensor:
-    """Equation (1) of each window, (N,) float64, averaged over its steps."""
-    batches = _terms(model, windows, role)
-    return torch.cat([terms.sum(-1).double().mean(1).cpu() for terms in batches])
-
-
 def validation_loss(
     model: Predictor,
     windows: Windows,

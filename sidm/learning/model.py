@@ -106,9 +106,9 @@ class DynamicsModel(Predictor):
         """Latent state-actions (B, T, latent) of a system's windows."""
         return self.encoders[role](windows.inputs, windows.maps)
 
-    def loss(self, role: str, windows: Windows) -> Tensor:
-        """Equation (1) for each sample of a system's windows, (B, T)."""
-        return self.losses({role: windows}, {role: self.encode(role, windows)})[role]
+    def latents(self, batch: Mapping[str, Windows]) -> dict[str, Tensor]:
+        """Latents (B, T, latent) of several systems' windows, by system."""
+        return {role: self.encode(role, windows) for role, windows in batch.items()}
 
     def losses(
         self, batch: Mapping[str, Windows], latents: Mapping[str, Tensor]

@@ -74,8 +74,7 @@ class Encoder(nn.Module):
     def forward(self, inputs: Tensor, maps: Tensor) -> Tensor:
         """Latents (B, T, latent) of inputs (B, T, X), raw units, and maps, m.
 
-        Maps are (B, T, P, P). Latents have the inputs' precision even if the layers
-        compute in another one under `torch.autocast`.
+        Maps are (B, T, P, P).
         """
         require_shape(inputs, ("B", "T", self.size), "inputs")
         require_shape(maps, (*inputs.shape[:2], self.pixels, self.pixels), "maps")
@@ -84,7 +83,7 @@ class Encoder(nn.Module):
         if self.pixels:
             maps = maps.flatten(0, 1).to(inputs.dtype)  # (B T, P, P)
             features = self._features(maps, features)
-        return self.dense(features).to(inputs.dtype).unflatten(0, inputs.shape[:2])
+        return self.dense(features).unflatten(0, inputs.shape[:2])
 
     def _features(self, maps: Tensor, numbers: Tensor) -> Tensor:
         """Features of maps (N, P, P), m, then numbers (N, X): (N, 4 (P - 6)^2 + X)."""
@@ -98,7 +97,7 @@ class Encoder(nn.Module):
         # CPU as the default layout.
         channels = layers(pixels.unsqueeze(-1).movedim(-1, 1))  # (N, 4, P - 6, P - 6)
         features = channels.movedim(1, -1).flatten(1)
-        return torch.cat([features, numbers.to(features.dtype)], dim=-1)
+        return torch.cat([features, numbers], dim=-1)
 
 
 class SIDM(nn.Module):

@@ -171,12 +171,6 @@ class Trainer:
         tensors = checkpoint.module_tensors(self.model)
         return {name: tensor.clone() for name, tensor in tensors.items()}
 
-    def encode(self, role: str, windows: Windows) -> Tensor:
-        """Latents (B, T, latent), float32, computed in the training's precision."""
-        low = self.training.precision == "bfloat16"
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=low):
-            return self.model.encode(role, windows)
-
     def step_prediction(self, loss: Tensor, latents: Mapping[str, Tensor]) -> None:
         """Take one step down the gradient of a batch's loss (Algorithm 1).
 

@@ -119,7 +119,7 @@ def prediction_phase(trainer: Trainer, progress: Progress | None = None) -> None
     training = trainer.training
     for _ in range(training.prediction_iterations):
         batch = trainer.sampler.batch()  # each window the expert's with probability p_e
-        latents = {role: trainer.encode(role, part) for role, part in batch.items()}
+        latents = trainer.model.latents(batch)
         losses = trainer.model.losses(batch, latents)  # equation (1)
         loss = torch.cat(list(losses.values())).mean()  # over the whole batch
         if training.reduction == "mean":  # over components too, as in the released code
@@ -148,7 +148,7 @@ def discriminator_iteration(trainer: Trainer) -> None:
     """Take one step of the discriminator A alone, with equation (2)."""
     batch = trainer.sampler.discriminator_batch()
     with torch.no_grad():
-        latents = {role: trainer.encode(role, part) for role, part in batch.items()}
+        latents = trainer.model.latents(batch)
     logits = trainer.discriminate(latents)
     loss = expected_discriminator_loss if len(logits) == 2 else one_sided_loss
     trainer.step_discriminator(loss(**logits))
@@ -156,7 +156,7 @@ def discriminator_iteration(trainer: Trainer) -> None:
 
 def matching_iteration(trainer: Trainer) -> float:
     """Step the novice's encoder E_n alone by equation (4); the loss before the step."""
-    latents = trainer.encode("novice", trainer.sampler.matching_batch())
+    latents = trainer.model.encode("novice", trainer.sampler.matching_batch())
     loss = expected_matching_loss(trainer.discriminator.logits(latents))
     trainer.step_encoder(loss)
     return float(loss.detach())

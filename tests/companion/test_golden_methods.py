@@ -96,14 +96,6 @@ def test_a_choice_comes_to_its_figures(trial, data, golden, choice):
     golden.hold(choice, "training", figures(outcome), **TOLERANCE)
 
 
-def test_half_precision_comes_to_its_figures(trial, data, golden):
-    """bfloat16 has 8 bits, and processors round products at different places."""
-    outcome = run_trial(trial("sidm", precision="bfloat16"), data).outcome
-    golden.hold(
-        "bfloat16", "training", {"validation_loss": outcome.validation_loss}, rel=0.02
-    )
-
-
 @pytest.mark.parametrize("method", FIGURE3)
 def test_a_bundle_comes_to_its_figures(trial, data, golden, tmp_path, method):
     one = trial(method)

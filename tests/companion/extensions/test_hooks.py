@@ -23,8 +23,7 @@ from sidm.learning.training import prediction_phase
 
 def encoded(trainer):
     """Latents of a batch, by system."""
-    batch = trainer.sampler.batch()
-    return {role: trainer.encode(role, windows) for role, windows in batch.items()}
+    return trainer.model.latents(trainer.sampler.batch())
 
 
 def test_mmd_is_its_double_sum(generator):
@@ -57,8 +56,8 @@ def test_a_distance_changes_the_novices_encoder_alone_and_shrinks(
 
     def distance() -> float:
         with torch.no_grad():
-            latents = [trainer.encode(r, m).flatten(0, 1) for r, m in sides.items()]
-        return float(DISTANCES[matching](*latents))
+            latents = trainer.model.latents(sides).values()
+        return float(DISTANCES[matching](*(one.flatten(0, 1) for one in latents)))
 
     first = distance()
     DistanceMatching(matching).regularise(trainer)

@@ -79,9 +79,6 @@ def test_where_pytorch_is_left_to_it():
         assert not fast(others, maps)
     assert not fast(layers, maps.double())
     assert not fast(layers, maps.clone().requires_grad_())
-    assert not fast(layers_of(dtype=torch.bfloat16), maps.bfloat16())
-    with torch.autocast("cpu", torch.bfloat16):
-        assert not fast(layers, maps)
     torch.set_num_threads(2)
     assert not fast(layers, maps)
 
