@@ -193,8 +193,8 @@ def test_what_needs_an_expert_of_one_body_or_a_library_is_one_line(monkeypatch):
     for method, expert, words in (
         ("trees_corrected", None, "learns from an expert's drives too.*take trees$"),
         ("corrected", None, "pass them, or take novice_only$"),
-        ("gp_corrected", other, "corrects the expert's least squares.*take gp$"),
-        ("trees_pooled", other, "samples of both robots as one.*take trees$"),
+        ("gp_corrected", other, "needs robots of one body; take gp$"),
+        ("trees_pooled", other, "trees of both robots.*one body; take trees$"),
     ):
         with pytest.raises(ConfigError, match=words):
             refuse_method(method, CART, expert)
