@@ -68,19 +68,14 @@ class StudyTraining(Training):
                 f"alone, not of '{body.name}'"
             )
 
-    def hooks(self) -> tuple[Any, ...]:
-        """The hooks that these settings add to the training loop."""
-        from companion.extensions import hooks
+    @property
+    def plain(self) -> bool:
+        """Whether these settings add nothing to the paper's method."""
+        added = self.matching, self.tether, self.averaging, self.mirror
+        return added == ("adversary", 0.0, 0.0, False)
 
-        added: list[Any] = []
-        if self.regularise and self.matching == "reversal":
-            added.append(hooks.GradientReversal(self.reversal_weight))
-        if self.regularise and self.matching in hooks.DISTANCES:
-            added.append(hooks.DistanceMatching(self.matching))
-        if self.tether:
-            added.append(hooks.PullToStart(self.tether))
-        if self.averaging:
-            added.append(hooks.WeightAverage(self.averaging))
-        if self.mirror:
-            added.append(hooks.Mirroring())
-        return tuple(added)
+    def trainer(self) -> type[Any]:
+        """The class of a model in training with these settings."""
+        from companion.extensions.trainer import StudyTrainer
+
+        return StudyTrainer

@@ -224,6 +224,6 @@ class Training:
                 "loss by"
             )
 
-    def hooks(self) -> tuple[Any, ...]:
-        """Hooks (`learning.trainer.Hook`) that a study adds to the loop; none here."""
-        return ()
+    def trainer(self) -> type[Any] | None:
+        """A study's subclass of `learning.trainer.Trainer`; None here."""
+        return None

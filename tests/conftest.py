@@ -229,7 +229,7 @@ def make_trainer(datasets, small_network, small_training) -> Callable[..., Train
 
     def make(**changes) -> Trainer:
         training = dataclasses.replace(small_training, **changes)
-        return Trainer(datasets, small_network, training, 0)
+        return (training.trainer() or Trainer)(datasets, small_network, training, 0)
 
     return make
 

@@ -75,7 +75,7 @@ CHANGES = (
         "sidm",
     ),
     Planted(
-        "companion/extensions/hooks.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", PARTS
+        "companion/extensions/trainer.py", "(0.5, 1.0, 2.0)", "(0.5, 1.0, 4.0)", PARTS
     ),
     Planted(
         "sidm/learning/training.py",

@@ -37,9 +37,6 @@ SHARED = (
     "discriminator_draw",
 )
 
-#: Settings of training that have only this value in a bundle.
-FIXED = {"matching": "adversary", "tether": 0.0, "averaging": 0.0, "mirror": False}
-
 SAVE_INTERVAL = 600.0  # s between two saves of all checkpoints
 
 

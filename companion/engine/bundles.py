@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from companion.bundle import FIXED, SHARED, Run, train_bundle
+from companion.bundle import SHARED, Run, train_bundle
 from companion.engine.datasets import digests_of
 from companion.engine.execute import stored_as
 from companion.engine.library import Library
@@ -41,14 +41,10 @@ def fits(trial: Trial) -> bool:
     studies.
     """
     network, training = trial.network, trial.training
-    fixed = all(
-        getattr(one, name) == value
-        for one in _trainings(trial)
-        for name, value in FIXED.items()
-    )
+    plain = all(one.plain for one in _trainings(trial))
     trained = not trial.solved and not trial.residual and training.max_samples > 0
     rovers = network.body("novice") == network.body("expert") == ROVER
-    return fixed and trained and rovers and network.own == "all"
+    return plain and trained and rovers and network.own == "all"
 
 
 def bundles(trials: Iterable[Trial]) -> list[list[Trial]]:

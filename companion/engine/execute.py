@@ -12,7 +12,7 @@ from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import start_of
 from companion.engine.provenance import THREADS, Provenance, record_provenance, source
 from companion.engine.rows import Failure, Outcome, Row
-from companion.extensions.hooks import mirror_image
+from companion.extensions.trainer import mirror_image
 from companion.numerics import version_label, versions
 from companion.trials import Trial
 from ownrobot.methods.fine_tuning import Pretrained, frozen_model

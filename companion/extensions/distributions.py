@@ -231,17 +231,8 @@ def train_distributions(
             raise ConfigError(
                 f"training by likelihood has no {name}={value!r}, only {only!r}"
             )
-    trainer = Trainer(
-        datasets,
-        network,
-        training,
-        seed,
-        standardisation,
-        model=LikelihoodModel,
-        test_loss=mean_nll,
-        with_validation=False,
-    )
-    return learn(trainer)
+    sets = datasets._replace(validation=datasets.validation.first(0))
+    return learn(LikelihoodTrainer(sets, network, training, seed, standardisation))
 
 
 class LikelihoodModel(DistributionModel):
@@ -267,3 +258,14 @@ class LikelihoodModel(DistributionModel):
             role: self.decoders[role].distribution(part).nll(windows.targets).sum(-1)  # type: ignore[operator]
             for (role, windows), part in zip(batch.items(), parts, strict=True)
         }
+
+
+class LikelihoodTrainer(Trainer):
+    """A model of distributions in training; the test loss is `mean_nll`."""
+
+    model_class = LikelihoodModel  # type: ignore[assignment]
+    model: LikelihoodModel
+
+    def test_loss(self) -> float:
+        """Mean negative log-likelihood of a step, nats, on the test split."""
+        return mean_nll(self.model, self.test)

@@ -52,47 +52,47 @@ class SeveralSampler(Sampler):
         return {role: indices for role, indices in drawn.items() if len(indices)}
 
 
-def several_trainer(
-    experts: Mapping[str, Windows],
-    network: Network,
-    training: Training,
-    seed: int,
-    standardisation: Standardisation,
-) -> Trainer:
+class SeveralTrainer(Trainer):
     """An SIDM, and an encoder and a decoder for each expert, in training.
 
     Three of four windows of each expert are for training, one is for the test loss:
     training stops when the mean of the experts' test losses rises. Settings with a
-    novice, or with hooks of the training loop, raise ConfigError.
+    novice, or with additions of studies, raise ConfigError.
     """
-    if training.needs_expert or training.hooks():
-        raise ConfigError(
-            "several experts without a novice: p_expert=0, regularise=False and "
-            "nothing that adds to it"
-        )
-    train, test = {}, {}
-    for role, windows in experts.items():
-        train_indices, test_indices = split_indices(len(windows), len(windows), seed)
-        train[role] = windows.subset(train_indices)
-        test[role] = windows.subset(test_indices).first(training.test_trajectories)
 
-    def test_loss(model: DynamicsModel, _: Windows) -> float:
+    def __init__(
+        self,
+        experts: Mapping[str, Windows],
+        network: Network,
+        training: Training,
+        seed: int,
+        standardisation: Standardisation,
+    ) -> None:
+        if training.needs_expert or not getattr(training, "plain", True):
+            raise ConfigError(
+                "several experts without a novice: p_expert=0, regularise=False and "
+                "nothing that adds to it"
+            )
+        self.train: dict[str, Windows] = {}
+        self.tests: dict[str, Windows] = {}
+        for role, windows in experts.items():
+            learn, test = split_indices(len(windows), len(windows), seed)
+            self.train[role] = windows.subset(learn)
+            self.tests[role] = windows.subset(test).first(training.test_trajectories)
+        first = next(iter(experts.values())).first(0)
+        units = standardisation
+        sets = Datasets(first, first, first)
+        super().__init__(sets, network, training, seed, units, roles=experts)
+
+    def make_sampler(self) -> Sampler:
+        """What draws each window from a random expert."""
+        return SeveralSampler(self.train, self.training, self.seed)
+
+    def test_loss(self) -> float:
         """The mean of the experts' test losses."""
-        losses = [mean_loss(model, windows, role) for role, windows in test.items()]
+        tests = self.tests.items()
+        losses = [mean_loss(self.model, windows, role) for role, windows in tests]
         return sum(losses) / len(losses)
-
-    first = next(iter(experts))
-    return Trainer(
-        Datasets(train[first], test[first], experts[first]),
-        network,
-        training,
-        seed,
-        standardisation,
-        roles=experts,
-        sampler=SeveralSampler(train, training, seed),
-        test_loss=test_loss,
-        with_validation=False,
-    )
 
 
 def expert_as_novice(model: DynamicsModel, role: str) -> Weights:

@@ -127,8 +127,7 @@ def _state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
             for number, entry in optimiser.state_dict()["state"].items()
             for key, tensor in entry.items()
         }
-    for number, hook in enumerate(trainer.hooks):
-        groups[f"hook {number}"] = hook.tensors()
+    groups["added"] = trainer.added_tensors()
     tensors = {
         f"{group}/{name}": tensor
         for group, members in groups.items()
@@ -160,8 +159,7 @@ def _load_state(
         # those that have had a gradient
         for parameter in trainer.prediction_optimiser.state:
             parameter.grad = torch.zeros_like(parameter)
-    for number, hook in enumerate(trainer.hooks):
-        hook.restore(group(f"hook {number}"), values["iteration"])
+    trainer.restore_added(group("added"))
     trainer.sampler.restore(group("generators"), group("waiting"))
     trainer.stopping = EarlyStopping(**values["stopping"])
     trainer.history = [CurvePoint(*point) for point in values["history"]]

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 import torch
 from torch import Tensor
 
 from sidm.config import ConfigError
 from sidm.learning import checkpoint
-from sidm.learning.dataset import Datasets, Windows
+from sidm.learning.dataset import Datasets
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.model import DynamicsModel
 from sidm.learning.networks import Discriminator, seeded
@@ -30,60 +28,15 @@ from sidm.systems import ROLES
 Progress = Callable[[CurvePoint], None]  # called after each test
 
 
-class Hook:
-    """An addition of a study to training, of `Training.hooks`; by default nothing."""
-
-    def sampler(
-        self, datasets: Datasets, training: Training, seed: int, device: torch.device
-    ) -> Sampler | None:
-        """A sampler in place of `sampler.Sampler`, or None."""
-        return None
-
-    def begin(self, trainer: Trainer) -> None:
-        """Called when the trainer has its initial weights."""
-
-    def auxiliary_loss(
-        self, trainer: Trainer, latents: Mapping[str, Tensor]
-    ) -> Tensor | None:
-        """A scalar that is added to a batch's loss in Algorithm 1, or None.
-
-        Latent state-actions (B, T, latent) are given by system.
-        """
-        return None
-
-    def after_step(self, trainer: Trainer) -> None:
-        """Called after each step of Algorithm 1."""
-
-    def regularise(self, trainer: Trainer) -> bool:
-        """Run a phase in the place of Algorithm 2, and say whether there was one."""
-        return False
-
-    def testing(self) -> contextlib.AbstractContextManager[None]:
-        """A context around each test."""
-        return contextlib.nullcontext()
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Tensors that a checkpoint keeps for the hook, by name."""
-        return {}
-
-    def restore(self, tensors: Mapping[str, Tensor], updates: int) -> None:
-        """Continue from the tensors that `tensors` gave after so many updates."""
-
-
 class Trainer:
     """A model in training: weights, optimisers, batches, counters and the best weights.
 
-    Arguments that are not listed are those of `training.train`.
-
-    Args:
-        roles: the systems that the model has; by default the novice, and the expert
-            where its data are needed.
-        model: class of the model.
-        sampler: draws the batches; by default that of a hook, or a `Sampler`.
-        test_loss: computes the loss that training stops by, from a model and the test
-            split; by default the mean of equation (1).
-        with_validation: whether to measure validation losses.
+    The arguments are those of `training.train`, but for `roles`: the systems that the
+    model has; by default the novice, and the expert where its data are needed. Studies
+    override the methods from `make_sampler` to `restore_added`.
     """
+
+    model_class = DynamicsModel
 
     def __init__(
         self,
@@ -95,10 +48,6 @@ class Trainer:
         device: str | torch.device = "cpu",
         start: Mapping[str, Tensor] | None = None,
         roles: Iterable[str] = (),
-        model: type[DynamicsModel] = DynamicsModel,
-        sampler: Sampler | None = None,
-        test_loss: Callable[[Any, Windows], float] = mean_loss,
-        with_validation: bool = True,
     ):
         if training.regularise and network.own == "none":
             raise ConfigError(
@@ -121,14 +70,13 @@ class Trainer:
             standardisation = default_units(datasets, network)
         self.datasets, self.network = datasets, network
         self.training, self.seed = training, seed
-        self.device, self.hooks = torch.device(device), training.hooks()
+        self.device = torch.device(device)
         self.units_digest = checkpoint.digest(_unit_tensors(standardisation))
         self.start_digest = None if start is None else checkpoint.digest(start.values())
         self.test = datasets.test.first(training.test_trajectories)
-        self._test_loss = test_loss
-        validation = training.validation_trajectories if with_validation else 0
-        self.validation = datasets.validation.first(validation)
-        self.model = model(network, standardisation, seed, roles).to(self.device)
+        self.validation = datasets.validation.first(training.validation_trajectories)
+        model = self.model_class(network, standardisation, seed, roles)
+        self.model = model.to(self.device)
         if start is not None:
             self.model.initialise_from(start)
         self.model.sidm.requires_grad_(training.frozen != "sidm")
@@ -141,9 +89,7 @@ class Trainer:
             self.matching_optimiser = make_optimiser(
                 self.model.encoders["novice"], training
             )
-        settings = datasets, training, seed, self.device
-        offered = [sampler, *(hook.sampler(*settings) for hook in self.hooks)]
-        self.sampler = next(filter(None, offered), None) or Sampler(*settings)
+        self.sampler = self.make_sampler()
         self.stopping = EarlyStopping(
             training.stopping,
             training.smoothing,
@@ -158,8 +104,25 @@ class Trainer:
         self.matching_loss: float | None = None  # mean over the last matching
         # since the last test: sum of losses and their number, by system
         self.losses = dict.fromkeys(ROLES, (0.0, 0))
-        for hook in self.hooks:
-            hook.begin(self)
+
+    def make_sampler(self) -> Sampler:
+        """What draws the batches."""
+        return Sampler(self.datasets, self.training, self.seed, self.device)
+
+    def test_loss(self) -> float:
+        """The loss that training stops by: equation (1) over the test split."""
+        return mean_loss(self.model, self.test)
+
+    def regularise(self) -> bool:
+        """Run a phase in place of Algorithm 2, and say whether there was one: no."""
+        return False
+
+    def added_tensors(self) -> dict[str, Tensor]:
+        """Tensors that a checkpoint keeps for a study, by name: none."""
+        return {}
+
+    def restore_added(self, tensors: Mapping[str, Tensor]) -> None:
+        """Continue from the tensors that `added_tensors` gave."""
 
     @property
     def finished(self) -> bool:
@@ -174,16 +137,11 @@ class Trainer:
     def step_prediction(self, loss: Tensor, latents: Mapping[str, Tensor]) -> None:
         """Take one step down the gradient of a batch's loss (Algorithm 1).
 
-        Hooks may add other losses, from the batch's latents (B, T, latent) by system.
+        Studies add losses of the batch's latents (B, T, latent), given by system.
         """
         self._clear_gradients()
-        for hook in self.hooks:
-            added = hook.auxiliary_loss(self, latents)
-            loss = loss if added is None else loss + added
         loss.backward()
         self.prediction_optimiser.step()
-        for hook in self.hooks:
-            hook.after_step(self)
 
     def step_discriminator(self, loss: Tensor) -> None:
         """Take one step of A alone down the gradient of `loss` (Algorithm 2)."""
@@ -245,14 +203,11 @@ class Trainer:
 
     def run_test(self, progress: Progress | None = None) -> CurvePoint:
         """Measure the test loss; keep the weights if it is the lowest, smoothed."""
-        with contextlib.ExitStack() as stack:
-            for hook in self.hooks:
-                stack.enter_context(hook.testing())
-            validation = None
-            if len(self.validation):
-                validation = mean_loss(self.model, self.validation)
-            if self.add_test(self._test_loss(self.model, self.test), validation):
-                self.best_weights = self.weights()
+        validation = None
+        if len(self.validation):
+            validation = mean_loss(self.model, self.validation)
+        if self.add_test(self.test_loss(), validation):
+            self.best_weights = self.weights()
         if progress is not None:
             progress(self.history[-1])
         return self.history[-1]

@@ -92,7 +92,8 @@ def train(
         >>> trained.samples
         3072
     """
-    trainer = Trainer(datasets, network, training, seed, standardisation, device, start)
+    settings = datasets, network, training, seed, standardisation, device, start
+    trainer = (training.trainer() or Trainer)(*settings)
     state = Checkpoint(checkpoint)
     state.restore(trainer)
     with matmul_precision(training.precision), flushed_denormals():
@@ -134,7 +135,7 @@ def prediction_phase(trainer: Trainer, progress: Progress | None = None) -> None
 
 def regularisation_phase(trainer: Trainer) -> None:
     """Algorithm 2: A learns to tell the latents apart, then E_n to deceive A."""
-    if any(hook.regularise(trainer) for hook in trainer.hooks):
+    if trainer.regularise():
         return
     for _ in range(trainer.training.discriminator_iterations):
         discriminator_iteration(trainer)

@@ -18,7 +18,7 @@ from companion.engine.outcomes import as_lists, curve
 from companion.engine.pretrained import load_or_pretrain, settings_of, weights_folder
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
-from companion.extensions.hooks import mirror_image
+from companion.extensions.trainer import mirror_image
 from companion.methods import FINER_TESTS, METHODS
 from companion.presets import Preset
 from companion.studies.recorded_targets.recorded import (

@@ -26,10 +26,10 @@ from companion.engine.pretrained import settings_of, weights_folder
 from companion.engine.provenance import Provenance
 from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.extensions.several import (
+    SeveralTrainer,
     expert_as_novice,
     fresh_novice,
     nearest_expert,
-    several_trainer,
 )
 from companion.methods import FINER_TESTS, METHODS
 from companion.study import Study
@@ -291,7 +291,7 @@ def _train_experts(
     kept = checkpoint.read(folder)
     if kept is None:
         settings = trial.network, trial.pretraining, trial.seed, units
-        trained = learn(several_trainer(experts, *settings))
+        trained = learn(SeveralTrainer(experts, *settings))
         history = {"samples": trained.samples, **_test_curve(trained)}
         checkpoint.write(folder, checkpoint.module_tensors(trained.model), history)
         kept = checkpoint.read(folder)

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from companion.extensions.several import (
+    SeveralTrainer,
     expert_as_novice,
     fresh_novice,
     nearest_expert,
-    several_trainer,
 )
 from sidm.config import ConfigError
 from sidm.learning import DynamicsModel, Standardisation
@@ -37,7 +37,7 @@ def alone(small_training):
 
 
 def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
-    trainer = several_trainer(experts, small_network, alone, 0, UNITS)
+    trainer = SeveralTrainer(experts, small_network, alone, 0, UNITS)
     before = {name: part.clone() for name, part in trainer.model.state_dict().items()}
     counts = dict.fromkeys(experts, 0)
     for _ in range(100):
@@ -53,7 +53,7 @@ def test_a_batch_is_drawn_from_all_and_all_learn(experts, small_network, alone):
 
 
 def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alone):
-    trainer = several_trainer(experts, small_network, alone, 0, UNITS)
+    trainer = SeveralTrainer(experts, small_network, alone, 0, UNITS)
     losses = []
     for role, windows in experts.items():
         learning = trainer.sampler.windows[role]
@@ -67,7 +67,7 @@ def test_a_novice_goes_on_from_the_nearest_expert_or_with_fresh_parts(
     experts, small_network, alone, make_motion
 ):
     longer = dataclasses.replace(alone, max_samples=24 * 400)
-    trained = learn(several_trainer(experts, small_network, longer, 0, UNITS))
+    trained = learn(SeveralTrainer(experts, small_network, longer, 0, UNITS))
     assert trained.best_test_loss < trained.history[0].test_loss
     model = trained.model
     novice = make_motion(4, 9, gain=-1.0)
@@ -89,4 +89,4 @@ def test_there_is_no_novice_among_several_experts(
     experts, small_network, small_training
 ):
     with pytest.raises(ConfigError, match="without a novice"):
-        several_trainer(experts, small_network, small_training, 0, UNITS)
+        SeveralTrainer(experts, small_network, small_training, 0, UNITS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from companion.extensions import matching
+from companion.extensions.trainer import coral, mmd
 from sidm.learning import losses
 from sidm.learning.dataset import windows_of
 from sidm.learning.evaluation import validation_loss
@@ -28,8 +28,8 @@ def test_every_loss_comes_to_its_figures(golden):
         "prediction": float(losses.prediction_loss(first, second).mean()),
         "discriminator": float(losses.expected_discriminator_loss(first, second)),
         "matching": float(losses.expected_matching_loss(first)),
-        "mmd": float(matching.mmd(first, second)),
-        "coral": float(matching.coral(first, second)),
+        "mmd": float(mmd(first, second)),
+        "coral": float(coral(first, second)),
     }
     golden.hold("losses", "training", figures, **CLOSE)
 

@@ -5,13 +5,9 @@ import pytest
 import torch
 from torch.nn.functional import softplus
 
-from companion.extensions.hooks import (
+from companion.extensions.trainer import (
     DISTANCES,
     WARM_UP,
-    DistanceMatching,
-    GradientReversal,
-    PullToStart,
-    WeightAverage,
     coral,
     mirrored,
     mmd,
@@ -60,7 +56,7 @@ def test_a_distance_changes_the_novices_encoder_alone_and_shrinks(
         return float(DISTANCES[matching](*(one.flatten(0, 1) for one in latents)))
 
     first = distance()
-    DistanceMatching(matching).regularise(trainer)
+    assert trainer.regularise()
     after = trainer.weights()
     changed = {name for name in after if not torch.equal(after[name], before[name])}
     assert changed and all(name.startswith("encoders.novice.") for name in changed)
@@ -78,7 +74,7 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
         {role: one.detach().clone().requires_grad_() for role, one in latents.items()}
         for _ in range(2)
     )
-    loss = GradientReversal(0.3).auxiliary_loss(trainer, turned)
+    loss = trainer.reversal_loss(turned)
     loss.backward()
     of_discriminator = [p.grad.clone() for p in weights]
     trainer.discriminator.zero_grad()
@@ -93,7 +89,7 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
     prediction_phase(trainer)  # which trains the discriminator, too
     assert not torch.equal(weights[0], first) and trainer.accuracy is not None
     alone = {"expert": latents["expert"]}  # nothing to tell apart
-    assert float(GradientReversal(0.3).auxiliary_loss(trainer, alone)) == 0.0
+    assert float(trainer.reversal_loss(alone)) == 0.0
 
 
 def test_a_mirrored_motion_is_that_of_the_reflected_world(
@@ -155,28 +151,26 @@ def test_mirror_images_are_drawn_in_pairs_and_leave_the_other_draws(make_trainer
 
 
 def test_the_pull_is_a_share_of_the_way_back(make_trainer):
-    trainer, hook = make_trainer(learning_rate=0.01), PullToStart(10.0)
-    hook.begin(trainer)
+    trainer = make_trainer(learning_rate=0.01, tether=10.0)
     weight = trainer.model.sidm.output[0].weight
     weight.data += 2.0
     moved = weight.detach().clone()
-    hook.after_step(trainer)
+    trainer.pull_to_start()
     assert torch.allclose(weight, moved - 0.2, atol=1e-6)
 
 
 def test_the_average_is_that_of_its_formula(make_trainer):
     """Early, the past has at most the weight n / (n + WARM_UP)."""
-    trainer, hook = make_trainer(), WeightAverage(0.9)
-    hook.begin(trainer)
+    trainer = make_trainer(averaging=0.9)
     weight = trainer.model.sidm.output[0].weight
     expected = weight.detach().clone()
     for number in range(1, 200):
         weight.data += 0.1
-        hook.after_step(trainer)
+        trainer.update_average(number)
         past = min(0.9, number / (number + WARM_UP))
         expected = past * expected + (1 - past) * weight.detach()
     after = weight.detach().clone()
-    with hook.testing():
+    with trainer.averaged():
         assert torch.allclose(weight, expected, atol=1e-4)
         assert not torch.allclose(weight, after, atol=0.1)
     assert torch.equal(weight, after)
@@ -190,6 +184,6 @@ def test_tests_see_the_average_and_training_goes_on_without_it(make_trainer):
     assert all(torch.equal(p, weights[name]) for name, p in trainer.weights().items())
     trainer.run_test()
     raw = mean_loss(trainer.model, trainer.test)
-    with trainer.hooks[0].testing():
+    with trainer.averaged():
         averaged = mean_loss(trainer.model, trainer.test)
     assert trainer.history[-1].test_loss == averaged != raw
