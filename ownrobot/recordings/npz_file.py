@@ -19,7 +19,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from sidm.storage import write_atomically
 
 # What a file must have; the latter where it has grounds.
 MEMBERS, MEMBERS_OF_GROUNDS = ("rows", "lengths", "header"), ("ground", "heights")
+HEIGHT_UNITS = ("m", "cm", "mm")
 
 
 @config
@@ -42,7 +43,7 @@ class Header:
     rate: float  # Hz, rows per second
     origin: str  # where the drives come from, for people
     spacing: float = 0.0  # m, of the grounds' grids
-    height_unit: Literal["m", "cm", "mm"] = "m"
+    height_unit: str = ""  # one of HEIGHT_UNITS
     #: m, x and y of each ground's middle; all 0 unless given
     centres: tuple[tuple[float, float], ...] = ()
 
@@ -129,6 +130,11 @@ def _grounds(
         raise RecordingError(
             f"{count} heights, but 'ground' of {len(numbers)} drives "
             f"goes up to {largest} and there are {len(centres)} centres"
+        )
+    if header.height_unit not in HEIGHT_UNITS:
+        raise RecordingError(
+            f"the header has height_unit {header.height_unit!r}, not one of "
+            f"{', '.join(HEIGHT_UNITS)}"
         )
     scale = UNITS["length"][header.height_unit]
     return [Ground(heights[n] * scale, header.spacing, centres[n]) for n in numbers]
