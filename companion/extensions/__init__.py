@@ -1,1 +1,1 @@
-"""Methods of single chapters: distributions, several experts, planning, hooks."""
+"""Methods of single chapters: distributions, several experts, planning, a trainer."""
