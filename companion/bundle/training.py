@@ -88,9 +88,9 @@ def train_bundle(
         data = device_data(runs, device)
         for first in range(0, len(runs), slots):
             trials: list[BundledTrial] = []
-            for number, run in [*enumerate(runs)][first : first + slots]:
+            for number in range(first, min(first + slots, len(runs))):
                 try:
-                    trials.append(BundledTrial(number, run, network, data))
+                    trials.append(BundledTrial(number, runs[number], network, data))
                 except CheckpointError as error:
                     yield Ended(number, error, 0.0)
             if not trials:

@@ -79,10 +79,9 @@ class SeveralTrainer(Trainer):
             learn, test = split_indices(len(windows), len(windows), seed)
             self.train[role] = windows.subset(learn)
             self.tests[role] = windows.subset(test).first(training.test_trajectories)
-        first = next(iter(experts.values())).first(0)
-        units = standardisation
-        sets = Datasets(first, first, first)
-        super().__init__(sets, network, training, seed, units, roles=experts)
+        none = next(iter(experts.values())).first(0)  # there is no novice
+        settings = network, training, seed, standardisation
+        super().__init__(Datasets(none, none, none), *settings, roles=experts)
 
     def make_sampler(self) -> Sampler:
         """What draws each window from a random expert."""

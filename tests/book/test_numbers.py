@@ -123,7 +123,7 @@ def test_the_books_readings_are_those_of_its_parts(store, decisive):
 
 
 def test_the_readme_says_what_is_stored(monkeypatch):
-    """Its numbers in bold are those of chapters, each with its interval."""
+    """The numbers in bold are those of chapters, each with its interval."""
     monkeypatch.chdir(ROOT)
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     texts = [number.number for number in headline.glued_numbers(headline.README)]
