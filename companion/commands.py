@@ -24,13 +24,6 @@ def _preset(arguments: argparse.Namespace):
     return load_preset(arguments.preset, **parse_changes(arguments.changes))
 
 
-def _study(arguments: argparse.Namespace):
-    """The study of the preset, with the folders of --data and --results."""
-    from companion import Study
-
-    return Study(_preset(arguments), arguments.data, arguments.results)
-
-
 def _trials(arguments: argparse.Namespace, preset: Any) -> list:
     """The trials that --figure and the options that choose among them name."""
     return registry.grid(
@@ -40,8 +33,6 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
         minutes=arguments.minutes,
         seeds=arguments.seeds,
         methods=arguments.methods,
-        data=arguments.data,
-        results=arguments.results,
         steps=getattr(arguments, "steps", None),  # which `show` does not have
     )
 
@@ -93,14 +84,16 @@ def run_run(arguments: argparse.Namespace) -> int:
 
     The exit status is 1 if something is still missing at the end.
     """
-    from companion import Results, run
+    from companion import Results, Study, run
 
     entry = registry.find(arguments.figure)
+    study = Study(_preset(arguments))
     if entry is not None:
-        missing = entry.run(_study(arguments), arguments.system, arguments.workers)
+        folders = Path(arguments.data), Path(arguments.results)
+        missing = entry.run(study, arguments.system, arguments.workers, *folders)
         print(f"missing: {missing}")
         return int(missing > 0)
-    trials = _trials(arguments, _preset(arguments))
+    trials = _trials(arguments, study.preset)
     store = Results(arguments.results)
     with executor_at(arguments.dask) as executor:
         run(
@@ -120,7 +113,7 @@ def run_run(arguments: argparse.Namespace) -> int:
 
 def run_show(arguments: argparse.Namespace) -> int:
     """Print what is stored of a figure, a line per point; last line 'missing: N'."""
-    from companion import Results
+    from companion import Results, Study
     from companion.engine.frame import numbers_and_words
     from companion.statistics.tables import overview
     from companion.studies.decisive.design import overview_by_step
@@ -131,10 +124,10 @@ def run_show(arguments: argparse.Namespace) -> int:
     store = Results(folder)
     if arguments.against:
         return _show_against(Results(arguments.against), store)
-    study = _study(arguments)
+    study = Study(_preset(arguments))
     entry = registry.find(arguments.figure)
     if entry is not None:
-        lines, missing = entry.overview(study, arguments.system)
+        lines, missing = entry.overview(study, arguments.system, folder)
         print("\n".join([*lines, f"missing: {missing}"]))
         return 0
     trials = _trials(arguments, study.preset)

@@ -62,17 +62,20 @@ class RecordStudy(NamedTuple):
         asked = self.pairs if pair is None else (pair,)
         return {one: list(self.module.jobs(study, one)) for one in asked}
 
-    def run(self, study: Study, pair: str | None, workers: int) -> int:
+    def run(
+        self, study: Study, pair: str | None, workers: int, data: Path, results: Path
+    ) -> int:
         """Measure what is missing; how many jobs are missing then."""
         jobs = sum(self.jobs(study, pair).values(), [])
-        run_jobs(self.name, jobs, workers, study.data, study.results)
+        run_jobs(self.name, jobs, workers, data, results)
         # several pairs may share a job
-        missing = self.module.records(study.results).missing(dict.fromkeys(jobs))
-        return len(missing)
+        return len(self.module.records(results).missing(dict.fromkeys(jobs)))
 
-    def overview(self, study: Study, pair: str | None) -> tuple[list[str], int]:
+    def overview(
+        self, study: Study, pair: str | None, results: Path
+    ) -> tuple[list[str], int]:
         """A line for each pair of robots, and the number of missing results."""
-        lines, missing, records = [], set(), self.module.records(study.results)
+        lines, missing, records = [], set(), self.module.records(results)
         for name, listed in self.jobs(study, pair).items():
             jobs = list(dict.fromkeys(listed))
             stored = records.stored(jobs)
@@ -89,21 +92,25 @@ class Measurement(NamedTuple):
     file: str  # path below the results folder
     kind: str = ""  # key of numerics.RESULT_VERSIONS; '': the file is never stale
 
-    def run(self, study: Study, pair: str | None, workers: int) -> int:
+    def run(
+        self, study: Study, pair: str | None, workers: int, data: Path, results: Path
+    ) -> int:
         """Measure, and write the file, where it lacks or is stale."""
         from sidm.storage import write_record
 
-        if self.state(study.results) != "stored":
+        if self.state(results) != "stored":
             module = importlib.import_module(f"companion.{self.module}")
-            record = module.make(study, workers)
+            record = module.make(study, workers, data, results)
             made = {"numerics": versions(self.kind)} if self.kind else {}
-            write_record(study.results / self.file, record | made)
+            write_record(results / self.file, record | made)
         return 0
 
-    def overview(self, study: Study, pair: str | None) -> tuple[list[str], int]:
+    def overview(
+        self, study: Study, pair: str | None, results: Path
+    ) -> tuple[list[str], int]:
         """A line on the file, and how many files are missing."""
-        state = self.state(study.results)
-        return [f"{study.results / self.file}: {state}"], int(state != "stored")
+        state = self.state(results)
+        return [f"{results / self.file}: {state}"], int(state != "stored")
 
     def state(self, results: Path) -> str:
         """'missing', 'stored', or 'stored, stale' if other versions made the file."""
@@ -219,8 +226,6 @@ def grid(
     minutes: Sequence[float] | None = None,
     seeds: Sequence[int] | None = None,
     methods: Sequence[str] | None = None,
-    data: str | Path = "data",
-    results: str | Path = "results",
     steps: Sequence[str] | None = None,
 ) -> list[Trial]:
     """The trials of a figure, each once.
@@ -239,7 +244,7 @@ def grid(
         raise unknown_name(figure, (*FIGURES, "all"), kind="figure")
     if system is not None:
         find_system(system)
-    study = Study(preset, data, results)
+    study = Study(preset)
     names: Sequence[str] = (figure,)
     if figure == "all":
         names = study.preset.figures or [one for one in FIGURES if one not in OPT_IN]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 from companion.methods import FIGURE3, METHODS
@@ -15,27 +14,14 @@ from sidm.systems import find_system
 
 
 class Study:
-    """Makes the trials of a preset, which may be given by its name.
+    """Makes the trials of a preset, which may be given by its name."""
 
-    `data` and `results` are folders.
-    """
-
-    def __init__(
-        self,
-        preset: Preset | str,
-        data: str | Path = "data",
-        results: str | Path = "results",
-    ) -> None:
+    def __init__(self, preset: Preset | str) -> None:
         self.preset = load_preset(preset) if isinstance(preset, str) else preset
-        self.data, self.results = Path(data), Path(results)
-
-    def with_preset(self, preset: Preset) -> Study:
-        """A study of another preset, with the same folders."""
-        return Study(preset, self.data, self.results)
 
     def changed(self, **changes: Any) -> Study:
         """A study of this preset with some values changed, see `Preset.replace`."""
-        return self.with_preset(self.preset.replace(**changes))
+        return Study(self.preset.replace(**changes))
 
     def trial(
         self,
@@ -125,4 +111,4 @@ class Study:
         preset, methods = self.preset, (*FIGURE3, "least_squares")
         sizes, seeds = preset.free_strut_minutes, preset.free_strut_seeds
         motion = preset.with_motion("figures", max(sizes), preset.validation_minutes)
-        return self.with_preset(motion).points(system, methods, sizes, seeds=seeds)
+        return Study(motion).points(system, methods, sizes, seeds=seeds)

@@ -187,9 +187,9 @@ def simulate(
     return np.array(rides)
 
 
-def make(study: Any, workers: int) -> dict[str, Any]:
+def make(study: Any, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Simulate every ride and store it; their record has nothing but versions."""
-    folder = Path(study.results) / FOLDER.name
+    folder = results / FOLDER.name
     settings = list(itertools.product([*set_ups(), *PAPER_ROBOTS.values()], BRAKES))
     with (
         local_pool(workers) as pool,

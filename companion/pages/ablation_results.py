@@ -32,11 +32,12 @@ class Ablations:
     def __init__(
         self,
         study: Study,
+        store: Results,
         systems: Sequence[str],
         values: Mapping[str, Sequence[Any]],
         sizes: Sequence[float] = (),
     ) -> None:
-        self.study, self.systems = study, systems
+        self.study, self.store, self.systems = study, store, systems
         self.sizes = sorted(sizes or study.preset.ablation_minutes)
         self._trials = {
             name: [
@@ -62,7 +63,7 @@ class Ablations:
 
     def frame(self, *names: str) -> pd.DataFrame:
         """The stored results of `trials`."""
-        return Results(self.study.results).frame(self.trials(*names))
+        return self.store.frame(self.trials(*names))
 
     @functools.cached_property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -76,7 +77,7 @@ class Ablations:
     def ratios(self) -> dict[str, pd.DataFrame]:
         """Setting -> `ablations.ratios` of its stored results."""
         return {
-            name: ablations.ratios(self.frame(name), name, usual, self.study.results)
+            name: ablations.ratios(self.frame(name), name, usual, self.store.folder)
             for name, usual in self.usual.items()
         }
 
@@ -119,13 +120,8 @@ class Ablations:
     def commands(self, page: Page, *names: str) -> list[str]:
         """The commands that run `trials`: of their figures, or else of the page."""
         figures = dict.fromkeys(GRIDS.get(n, ITERATIONS) for n in names or self.usual)
-        study = self.study
         known = {
-            trial.key
-            for figure in figures
-            for trial in grid(
-                study.preset, figure, data=study.data, results=study.results
-            )
+            trial.key for figure in figures for trial in grid(self.study.preset, figure)
         }
         if {trial.key for trial in self.trials(*names)} <= known:
             return [page.again(figure) for figure in figures]

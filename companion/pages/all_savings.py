@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -50,12 +49,12 @@ COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
 
 
-def table(store: Results, data: str | Path = "data") -> pd.DataFrame:
+def table(store: Results) -> pd.DataFrame:
     """A row for each settings, stopping rule and pair of robots; a column a size.
 
     Rows of the decisive experiment are of what has been run.
     """
-    study = Study(PRESET, data, store.folder)
+    study = Study(PRESET)
     hours = f"{study.preset.expert_minutes / 60:g}"
     rows: list[tuple] = []
     for settings, ratios in _stopped_early(study, store):

@@ -72,10 +72,9 @@ class Figure3:
     R and T have one preset, `study`, and motion of their own.
     """
 
-    def __init__(self, study: Study, systems: Sequence[str]) -> None:
-        self.study, self.systems = study, systems
-        self.store = Results(study.results)
-        self.long = Study("study", study.data, study.results)
+    def __init__(self, study: Study, store: Results, systems: Sequence[str]) -> None:
+        self.study, self.store, self.systems = study, store, systems
+        self.long = Study("study")
 
     def trials(self) -> list[Trial]:
         """The trials of recipe Q."""
@@ -177,9 +176,9 @@ class Figure3:
         compared = self.quick[self.quick.method.isin(FIGURE3)]
         figure4 = self.store.frame(self.study.figure4())
         found = claims.figure3_claims(compared, self.study.preset.ablation_minutes[0])
-        read = readings.readings(self.store, self.study.data)
+        read = readings.readings(self.store)
         both = pd.concat([compared, figure4, self.long_trained])
-        saved = all_savings.table(self.store, self.study.data)
+        saved = all_savings.table(self.store)
         drawn = pd.concat([self.all_quick, self.long_trained])
         judged = verdicts.page_table(verdicts.verdicts(self.long_trained))
 

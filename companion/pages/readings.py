@@ -7,7 +7,6 @@ comparison, and the verdict follows the rule of the page on claims.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -173,12 +172,14 @@ def alikeness(latents: pd.DataFrame) -> Iterator[pd.DataFrame]:
         yield _readings("latents become alike", reading, rows)
 
 
-def high_p_expert(p_expert: pd.DataFrame, study: Study) -> pd.DataFrame:
+def high_p_expert(
+    p_expert: pd.DataFrame, study: Study, results: Results
+) -> pd.DataFrame:
     """Whether a p_e proportional to the data is too high (section 4)."""
     few = p_expert[p_expert.novice_minutes == LITTLE]
     papers = few.system.map(study.preset.p_expert).astype(float)
     most = ablations.proportional(study.preset, LITTLE)
-    usual = with_repeats(few[few.p_expert == papers], study.results)
+    usual = with_repeats(few[few.p_expert == papers], results.folder)
     return _readings(
         "a p_e proportional to the data is too high",
         "loss at that p_e (0.96, for 2 h of the expert; 14 h: 0.99) / the paper's",
@@ -186,7 +187,7 @@ def high_p_expert(p_expert: pd.DataFrame, study: Study) -> pd.DataFrame:
     )
 
 
-def long_phases(phases: pd.DataFrame, study: Study) -> Iterator[pd.DataFrame]:
+def long_phases(phases: pd.DataFrame, results: Results) -> Iterator[pd.DataFrame]:
     """Whether too long a phase harms the other phase's loss (section 4).
 
     The paper's own 20 matching iterations, and the other phase's loss, are step E1's.
@@ -195,7 +196,7 @@ def long_phases(phases: pd.DataFrame, study: Study) -> Iterator[pd.DataFrame]:
     usual = few.discriminator_iterations == 20
     usual &= few.prediction_iterations == 100
     usual_phases = with_repeats(
-        few[usual & (few.matching_iterations == 5)], study.results
+        few[usual & (few.matching_iterations == 5)], results.folder
     )
     for long, reading in (
         (
@@ -212,17 +213,15 @@ def long_phases(phases: pd.DataFrame, study: Study) -> Iterator[pd.DataFrame]:
         yield _readings(said, reading, rows.assign(verdict=claims.NOT_TESTED))
 
 
-def readings(results: Results, data: Path | str = "data") -> pd.DataFrame:
+def readings(results: Results) -> pd.DataFrame:
     """All readings, with COLUMNS, from the stored results."""
 
     def frame(preset: str, figure: str) -> pd.DataFrame:
-        return results.frame(
-            grid(preset, figure, data=str(data), results=str(results.folder))
-        )
+        return results.frame(grid(preset, figure))
 
-    small = Study(SMALL, data, results.folder)
+    small = Study(SMALL)
     figure3 = frame(BOOK, "3")
-    decisive = verdicts.results(Study(BOOK, data, results.folder), results)
+    decisive = verdicts.results(Study(BOOK), results)
     models = [
         trial for system in PAPER_SYSTEMS for trial in measure.jobs(small, system)
     ]
@@ -240,8 +239,8 @@ def readings(results: Results, data: Path | str = "data") -> pd.DataFrame:
         *pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),
         *more_data(frame(SMALL, "3"), on_most_data),
         *alikeness(latents),
-        high_p_expert(frame(SMALL, "p-expert"), small),
-        *long_phases(frame(SMALL, "iterations"), small),
+        high_p_expert(frame(SMALL, "p-expert"), small, results),
+        *long_phases(frame(SMALL, "iterations"), results),
     ]
     found = pd.concat(tables, ignore_index=True)
     return found.astype({"seeds": int, "corrected": bool})

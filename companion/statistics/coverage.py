@@ -157,7 +157,7 @@ def estimator_coverage(
     return float(held.mean()), float(above.mean()), 1 - len(known) / STUDIES
 
 
-def make(study: Any, workers: int) -> dict[str, Any]:
+def make(study: Any, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Measure the coverage of the kinds of interval and of the estimators.
 
     By kind of interval and number of seeds: coverage and width. By 'estimators': rows

@@ -38,7 +38,7 @@ POOL_MINUTES, VALIDATION_MINUTES = 20.0, 20.0
 def trials(study: Study, system: str) -> list[Trial]:
     """The method with m minutes and its rivals with 2 m, on motion for this claim."""
     preset = study.preset.with_motion("claim", POOL_MINUTES, VALIDATION_MINUTES)
-    claim, doubled = study.with_preset(preset), [2 * minutes for minutes in SIZES]
+    claim, doubled = Study(preset), [2 * minutes for minutes in SIZES]
     trials = claim.points(system, [METHOD], SIZES, seeds=SEEDS)
     trials += claim.points(system, RIVALS, doubled, seeds=SEEDS)
     return [trial.replace(seed=FIRST_SEED + trial.seed) for trial in trials]

@@ -33,9 +33,7 @@ def trials(study: Study, system: str) -> list[Trial]:
 
     SIDM is also trained for long at a p_e of MANY_EXPERTS.
     """
-    long = study.with_preset(
-        study.preset.replace(**MOTION).for_tuning().replace(**LONG)
-    )
+    long = Study(study.preset.replace(**MOTION).for_tuning().replace(**LONG))
     sidm = long.preset.training_of(METHODS["sidm"], system)
     many_experts = replace(sidm, p_expert=MANY_EXPERTS)
     trials = long.points(system, COMPARED, MINUTES, seeds=SEEDS)

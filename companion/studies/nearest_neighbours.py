@@ -80,12 +80,12 @@ def neighbourhoods(
     }
 
 
-def make(study: Study, workers: int) -> dict[str, Any]:
+def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Measure the neighbourhoods of the paper's systems, in one process."""
     measured = {}
     for system in PAPER_SYSTEMS:
         loaded = {
-            kind: load(study.data, dataset.collection, dataset.count)
+            kind: load(data, dataset.collection, dataset.count)
             for kind, dataset in study.preset.datasets(system).items()
         }
         count = min(MOST, *(STEPS * len(loaded[kind]) for kind in ("expert", "novice")))

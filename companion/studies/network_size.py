@@ -75,7 +75,7 @@ def tries(study: Study, system: str) -> list[Trial]:
 
     Their motion and their seed are those of the tuning, which no figure has.
     """
-    tuning = resized(study.with_preset(study.preset.for_tuning()), PAPER_LSTM, **LONG)
+    tuning = resized(Study(study.preset.for_tuning()), PAPER_LSTM, **LONG)
     return [
         tuning.changed(learning_rate=rate).trial(
             system, method, MINUTES[0], TUNING_SEED

@@ -25,7 +25,7 @@ def trials(study: Study, system: str) -> list[Trial]:
     preset, trials = study.preset, []
     for body in NOVICES.values():
         network = dataclasses.replace(preset.network, novice_body=body)  # type: ignore[type-var]
-        novice = study.with_preset(dataclasses.replace(preset, network=network))  # type: ignore[type-var]
+        novice = Study(dataclasses.replace(preset, network=network))  # type: ignore[type-var]
         sizes = preset.other_body_minutes
         trials += novice.points(system, ANY_BODIES, sizes, seeds=preset.seeds)
     return trials

@@ -83,7 +83,7 @@ def components(states: np.ndarray, yaw: float) -> np.ndarray:
     return np.column_stack([forward, sideways, z, roll, pitch, turned, states[:, 7:13]])
 
 
-def make(study: Study, workers: int) -> dict[str, Any]:
+def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Measure the gap at every step.
 
     The gap is the root mean square, over the starts, of the difference between the

@@ -60,7 +60,7 @@ def time_training(trial: Trial, data: str | Path) -> float:
     return 1000 * (end - start) / (last - first)
 
 
-def make(study: Study, workers: int) -> dict[str, Any]:
+def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Time the methods on the smallest dataset of the baselines, in one process.
 
     What else the machine does at the same time is not known.
@@ -73,7 +73,7 @@ def make(study: Study, workers: int) -> dict[str, Any]:
     start = time.perf_counter()
     for _ in range(ROUNDS):
         for name, trial in trials.items():
-            times[name].append(float(f"{time_training(trial, study.data):.6g}"))
+            times[name].append(float(f"{time_training(trial, data):.6g}"))
     made = record_provenance(time.perf_counter() - start, THREADS, resumed=False)
     names = ("source", "python", "torch", "device", "threads", "date")
     provenance = {name: getattr(made, name) for name in names}

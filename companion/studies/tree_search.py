@@ -11,6 +11,7 @@ that of least squares.
 from __future__ import annotations
 
 import zlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -97,12 +98,12 @@ def references(splits: dict[int, Datasets]) -> list[float]:
     return found
 
 
-def make(study: Study, workers: int) -> dict[str, Any]:
+def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Search the settings.
 
     Draws that are done are kept among the data, so that the same command goes on.
     """
-    library, kept = Library(study.data), study.data / "checkpoints" / NAME
+    library, kept = Library(data), data / "checkpoints" / NAME
     splits = {seed: _load(library, _trial(study, seed)) for seed in SEEDS}
     made = {"numerics": versions("fitting")}
     known = read_or_empty(kept)

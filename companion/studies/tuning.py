@@ -147,7 +147,7 @@ def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
     return [
         (
             name,
-            study.with_preset(preset_of_try(base, method, name)).trial(
+            Study(preset_of_try(base, method, name)).trial(
                 system, method, minutes, TUNING_SEED
             ),
         )
@@ -170,7 +170,7 @@ def little_data(study: Study, system: str) -> list[Trial]:
     preset, trials = study.preset, []
     sizes = [size for size in preset.novice_minutes(system) if size <= LITTLE_MINUTES]
     for method, name in LITTLE.get(system, LITTLE["system1"]).items():
-        tuned = study.with_preset(_untuned(preset, LITTLE_TRIES[method][name]))
+        tuned = Study(_untuned(preset, LITTLE_TRIES[method][name]))
         trials += tuned.points(system, [method], sizes, seeds=preset.seeds)
     return trials
 
@@ -199,7 +199,7 @@ def best_novice_only(frame: pd.DataFrame, little: pd.DataFrame) -> pd.DataFrame:
 
 def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
     """The stored tries, each with its name as `try`, and whether it is `used`."""
-    base, parts = study.with_preset(study.preset.for_tuning()), []
+    base, parts = Study(study.preset.for_tuning()), []
     for system in systems:
         for name, trial in tries(study, system):
             minutes = trial.novice_minutes

@@ -199,11 +199,11 @@ def pair_motions(
         yield pair, recorded_motion(expert), recorded_motion(novice)
 
 
-def make(study: Study, workers: int) -> dict[str, Any]:
+def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Measure the gap of every pair."""
     measured = {}
     with local_pool(workers) as pool:
-        for pair, *motions in pair_motions(study.data, pool):
+        for pair, *motions in pair_motions(data, pool):
             errors = gap(*motions)
             measured[pair] = {name: float(f"{errors[name]:.5g}") for name in errors}
     return {"found": measured}

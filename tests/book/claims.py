@@ -61,13 +61,12 @@ class Book:
 
     def __init__(self, folder: Path) -> None:
         self.store = Results(folder)
-        self.study = Study("study", "no data", folder)
-        self.laptop = Study("laptop", "no data", folder)
+        self.study = Study("study")
+        self.laptop = Study("laptop")
 
     def grid(self, preset: str, figure: str) -> pd.DataFrame:
         """Results of a figure."""
-        trials = grid(preset, figure, data="no data", results=self.store.folder)
-        return self.store.frame(trials)
+        return self.store.frame(grid(preset, figure))
 
     @functools.cached_property
     def figure3(self) -> pd.DataFrame:

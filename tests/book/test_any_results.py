@@ -40,12 +40,12 @@ def texts(path: Path) -> list[str]:
 def few_results(tmp_path_factory, motion) -> dict[str, Path]:
     """Folders of results: none, one stored trial, and trials of other sizes."""
     folder = tmp_path_factory.mktemp("results")
-    study, stored = Study("study", "no data"), Results(ROOT / "results")
+    study, stored = Study("study"), Results(ROOT / "results")
     (row,) = stored.rows([study.trial("system1", "sidm", 5.0)])
     Results(folder / "one").put(row)
-    other = Study(OTHER_SIZES, motion, folder / "other")
+    other = Study(OTHER_SIZES)
     trials = other.figure3("system1") + other.references("system1")
-    run(trials, workers=1, data=motion, results=other.results, progress=False)
+    run(trials, workers=1, data=motion, results=folder / "other", progress=False)
     (folder / "empty").mkdir()
     return {name: folder / name for name in ("empty", "one", "other")}
 

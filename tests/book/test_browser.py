@@ -386,7 +386,7 @@ def spoken(row) -> str:
 @pytest.mark.more
 def test_each_rule_gives_the_published_numbers(stopping):
     """The words at a button are the ratios of the verdicts and of the figure."""
-    results = verdicts.results(Study("study", "data", "results"), Results("results"))
+    results = verdicts.results(Study("study"), Results("results"))
     table = along_training(results[results.system == "system1"])
     table = table[table.recipe == "R"]
     page = stopping()

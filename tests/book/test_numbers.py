@@ -34,7 +34,7 @@ def store():
 @pytest.fixture(scope="module")
 def decisive(store):
     """The long trainings."""
-    return verdicts.results(Study("study", "data", store.folder), store)
+    return verdicts.results(Study("study"), store)
 
 
 def ratios(rows) -> list[str]:
@@ -53,14 +53,14 @@ def test_quoted_numbers_are_the_verdicts(decisive):
 
 @pytest.mark.parametrize("count", [0, 8])
 def test_what_lacks_results_is_not_run(tmp_path, make_row, count):
-    store, study = Results(tmp_path), Study("study", tmp_path, tmp_path)
+    store, study = Results(tmp_path), Study("study")
     for trial in search.compare_units(study)[:count:3]:
         store.put(make_row(trial))
     frame = verdicts.results(study, store)
     assert {text for _, text in figure3_results.long_numbers(frame)} == {"not run"}
     units = figure3_results.unit_numbers(store.frame(search.compare_units(study)))
     assert {text for _, text in units} == {"not run"}
-    assert not len(readings.page_table(readings.readings(store, tmp_path)))
+    assert not len(readings.page_table(readings.readings(store)))
     table = all_savings.table(store)
     assert not len(table) and list(table.columns) == all_savings.COLUMNS
 
@@ -73,7 +73,7 @@ def test_the_table_of_all_savings_has_the_verdicts_and_the_claims(store, decisiv
     shown = table[table["Stopped by"].isin([verdicts.RELEASED, verdicts.END])]
     shown = shown[shown.Settings != all_savings.MIXED]
     assert sorted(shown["5 min"]) == sorted(ratios(judged)) and len(shown) >= 6
-    figure3 = store.frame(grid("study", "3", data="data", results=str(store.folder)))
+    figure3 = store.frame(grid("study", "3"))
     quick = table[table.Settings == "quick (Q)"].set_index("Pair")["5 min"]
     for system, label in (("system1", "system 1"), ("system2", "system 2")):
         assert [quick[label]] == ratios(claims.data_saving_claim(figure3, system))
@@ -113,7 +113,7 @@ def test_pretraining_has_three_readings(tuned, kept, core, verdict):
 
 
 def test_the_books_readings_are_those_of_its_parts(store, decisive):
-    rows = readings.readings(store, "data")
+    rows = readings.readings(store)
     named = ["statement", "reading", "system"]
     assert not rows.duplicated(named).any()
     judged = verdicts.verdicts(decisive)
@@ -154,8 +154,8 @@ class FakePage:
 
 
 @pytest.fixture
-def study(tmp_path):
-    return Study("laptop", tmp_path, tmp_path)
+def study():
+    return Study("laptop")
 
 
 @pytest.mark.parametrize(
@@ -167,32 +167,33 @@ def study(tmp_path):
         ("patience", [7], 150_000),
     ],
 )
-def test_figure_3s_value_is_among_an_ablations_trials(study, name, values, usual):
+def test_figure_3s_value_is_among_its_trials(study, store, name, values, usual):
     assert ablations.usual(study.preset, "system2", name) == usual
-    trials = Ablations(study, ["system2"], {name: values}).trials()
+    trials = Ablations(study, store, ["system2"], {name: values}).trials()
     tried = {
         getattr(trial.network if name == "pixels" else trial.training, name)
         for trial in trials
     }
     share = ablations.proportional(study.preset, 5.0)
     assert tried == {usual, *(share if value is None else value for value in values)}
-    again = Ablations(study, ["system2"], {name: [*values, usual]}).trials()
+    again = Ablations(study, store, ["system2"], {name: [*values, usual]}).trials()
     assert {trial.key for trial in again} == {trial.key for trial in trials}
 
 
-def test_values_of_the_grids_are_run_by_their_figures(study):
+def test_values_of_the_grids_are_run_by_their_figures(study, store):
     names = ("p_expert", *ablations.ITERATIONS)
     values = {name: ablations.VALUES[name] for name in names}
     systems = ["system1", "system2"]
-    all_of_grids = Ablations(study, systems, values)
+    all_of_grids = Ablations(study, store, systems, values)
     assert all_of_grids.commands(FakePage()) == ["run p-expert", "run iterations"]
-    own = Ablations(study, systems, values | {"p_expert": [0.6]})
+    own = Ablations(study, store, systems, values | {"p_expert": [0.6]})
     assert own.commands(FakePage(), "matching_iterations") == ["run iterations"]
     assert own.commands(FakePage()) == ["page {'run_missing': True}"]
 
 
-def test_without_results_ablations_have_titles_and_no_numbers(study):
-    shown = Ablations(study, ["system1"], {"p_expert": [0.9], "pixels": [8]}, [5.0, 1])
+def test_without_results_ablations_have_titles_and_no_numbers(study, tmp_path):
+    values = {"p_expert": [0.9], "pixels": [8]}
+    shown = Ablations(study, Results(tmp_path), ["system1"], values, [5.0, 1])
     assert shown.ratio("p_expert", "system1", 0.9) == "not run"
     titles = [title for title, table in shown.page_tables() if table.empty]
     assert titles == [
@@ -203,10 +204,10 @@ def test_without_results_ablations_have_titles_and_no_numbers(study):
     assert len(shown.figure("p_expert", "pixels").axes) == 2
 
 
-def test_ratios_are_to_figure_3s_value_seed_by_seed(study, make_row):
-    shown = Ablations(study, ["system1"], {"matching_iterations": [0, 20]})
+def test_ratios_are_to_figure_3s_value_seed_by_seed(study, make_row, tmp_path):
+    store = Results(tmp_path)
+    shown = Ablations(study, store, ["system1"], {"matching_iterations": [0, 20]})
     losses = {0: 0.3, 20: 0.1, 5: 0.2}
-    store = Results(study.results)
     for trial in shown.trials():
         regularised = trial.training.regularise
         value = trial.training.matching_iterations if regularised else 0

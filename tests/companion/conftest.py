@@ -106,9 +106,9 @@ def data(tiny, tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def study(tiny, data, tmp_path) -> Study:
-    """The tiny study with an empty folder of results."""
-    return Study(tiny, data, tmp_path)
+def study(tiny) -> Study:
+    """The tiny study."""
+    return Study(tiny)
 
 
 @pytest.fixture(scope="session")
@@ -159,10 +159,9 @@ def kept(store, found) -> bool:
 
 
 @pytest.fixture(scope="session")
-def laptop(tmp_path_factory) -> Study:
-    """The study of the preset `laptop`, without data."""
-    nowhere = tmp_path_factory.mktemp("empty")
-    return Study("laptop", nowhere, nowhere)
+def laptop() -> Study:
+    """The study of the preset `laptop`."""
+    return Study("laptop")
 
 
 @pytest.fixture(scope="session")

@@ -82,7 +82,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     assert victim.wait() < 0 and len(processes) == 4
     assert main(["run", *common, *here]) == 0
     preset = load_preset("smoke", **SETTINGS)
-    trials = Study(preset, tmp_path / "data", tmp_path / "here").figure3("system1")
+    trials = Study(preset).figure3("system1")
     rows = [
         [row.outcome for row in Results(tmp_path / name).rows(trials)]
         for name in ("there", "here")

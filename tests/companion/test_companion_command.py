@@ -135,7 +135,7 @@ def test_collect_run_show(tmp_path, capsys):
     assert "1 of 1 trials stored" in said("run", "--methods", "novice_only")
     assert said("show").splitlines()[-1] == "missing: 2"
     assert "3 of 3 trials stored" in said("run", "--workers", "1")
-    trials = Study(load_preset("smoke", **CHANGES), data, results).figure3("system1")
+    trials = Study(load_preset("smoke", **CHANGES)).figure3("system1")
     stale = [row.provenance.stale for row in Results(results).rows(trials)]
     assert stale == [False] * 3
 

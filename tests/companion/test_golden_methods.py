@@ -53,13 +53,12 @@ CHOICES = {
 
 
 @pytest.fixture(scope="module")
-def trial(data, tmp_path_factory):
+def trial():
     """Function that makes a trial of system 1, with changes of the preset by name."""
     preset = load_preset("smoke", **(TINY | SHORT))
-    results = tmp_path_factory.mktemp("results")
-    return lambda method, **changes: Study(
-        preset.replace(**changes), data, results
-    ).trial("system1", method, 0.75)
+    return lambda method, **changes: Study(preset.replace(**changes)).trial(
+        "system1", method, 0.75
+    )
 
 
 def figures(outcome) -> dict:

@@ -46,11 +46,11 @@ def on_tuning_motion(study: Study) -> Study:
     Settings are chosen on a pool of 60 min and 20 min of validation motion.
     """
     preset = study.preset.replace(**COMMON, tuning_pool_minutes=60.0)
-    return study.with_preset(preset.for_tuning())
+    return Study(preset.for_tuning())
 
 
 def on_fresh_motion(study: Study) -> Study:
     """The study on motion of the novice by which no setting was chosen."""
     preset = study.preset.replace(**COMMON)
     fresh = preset.with_motion("decisive", POOL_MINUTES, VALIDATION_MINUTES)
-    return study.with_preset(fresh)
+    return Study(fresh)

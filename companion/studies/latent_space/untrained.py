@@ -58,7 +58,7 @@ def measure(trial: Trial, data: Path) -> dict[str, tuple[float, float]]:
     return apart
 
 
-def make(study: Study, workers: int) -> dict[str, Any]:
+def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any]:
     """Measure the latents of the paper's systems, in one process.
 
     The models are the SIDMs of the smallest size, one for each seed; all sizes start
@@ -72,7 +72,7 @@ def make(study: Study, workers: int) -> dict[str, Any]:
             trials = [trial for trial in jobs(study, system) if trial.method == "sidm"]
             least = min(trial.novice_minutes for trial in trials)
             smallest = [trial for trial in trials if trial.novice_minutes == least]
-            seeds = [measure(trial, study.data) for trial in smallest]
+            seeds = [measure(trial, data) for trial in smallest]
             stored[system] = {
                 name: [[round(value, 4) for value in seed[name]] for seed in seeds]
                 for name in ENCODERS

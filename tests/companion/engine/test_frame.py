@@ -11,9 +11,9 @@ from tests.companion.conftest import RESULTS
 
 
 @pytest.fixture
-def store(study, make_row):
+def store(study, make_row, tmp_path):
     """Results of three seeds of three methods, one of them pretrained."""
-    store = Results(study.results)
+    store = Results(tmp_path)
     methods = ["sidm", "novice_only", "pretrain_finetune"]
     for number, trial in enumerate(study.points("system1", methods, [0.25], seeds=3)):
         store.put(make_row(trial, 1.0 + number))

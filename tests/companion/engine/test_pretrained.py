@@ -59,13 +59,13 @@ def test_a_pretraining_has_the_expert_alone(trials):
     assert trials[0].replace(training=both).training.needs_expert
 
 
-def test_what_was_tuned_yields_to_what_is_asked_for(tiny, tmp_path):
+def test_what_was_tuned_yields_to_what_is_asked_for(tiny):
     """A method takes its tuned value; a value given by hand holds for all methods."""
     for preset in PRESETS.values():
         assert {method for method, _, _ in preset.tuned} <= {*METHODS, "pretraining"}
 
     def rates(preset):
-        study = Study(preset, tmp_path, tmp_path)
+        study = Study(preset)
         sidm = study.trial("system1", "sidm", 0.25)
         tuned = study.trial("system1", "pretrain_finetune", 0.25)
         parts = sidm.training, tuned.training, tuned.pretraining

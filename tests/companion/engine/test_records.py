@@ -110,14 +110,14 @@ def test_stored_records_are_found_under_their_keys(name):
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_has_work_at_the_smallest_sizes(name, tmp_path):
     """Sizes above a preset's pool are left out."""
-    study = Study("smoke", tmp_path, tmp_path)
+    study = Study("smoke")
     jobs = sum(STUDIES[name].jobs(study, None).values(), [])
-    assert jobs and STUDIES[name].overview(study, None)[1] == len(set(jobs))
+    assert jobs and STUDIES[name].overview(study, None, tmp_path)[1] == len(set(jobs))
 
 
 @pytest.mark.parametrize("name", [*STUDIES, *MEASUREMENTS])
 def test_nothing_that_is_stored_is_stale(name):
-    lines, _ = find(name).overview(Study("laptop", "no data", RESULTS), None)
+    lines, _ = find(name).overview(Study("laptop"), None, RESULTS)
     stored = [line.endswith((": stored", "stale 0")) for line in lines]
     assert lines and all(stored), lines
 
@@ -125,17 +125,17 @@ def test_nothing_that_is_stored_is_stale(name):
 def test_a_measurement_is_made_where_it_lacks_or_is_stale(tmp_path, monkeypatch):
     made = []
 
-    def make(study, workers):
+    def make(study, workers, data, results):
         made.append("gap")
         return {"found": {}}
 
     monkeypatch.setattr("companion.studies.simulated_gap.make", make)
-    gap, study = MEASUREMENTS["gap"], Study("smoke", tmp_path, tmp_path)
-    assert gap.overview(study, None)[1] == 1
-    assert gap.run(study, None, 1) == 0 and len(made) == 1
+    gap, study = MEASUREMENTS["gap"], Study("smoke")
+    assert gap.overview(study, None, tmp_path)[1] == 1
+    assert gap.run(study, None, 1, tmp_path, tmp_path) == 0 and len(made) == 1
     for made_by in ({"simulation": -1}, versions("free_struts")):
         write_record(tmp_path / "gap.json", {"numerics": made_by})
-        assert gap.run(study, None, 1) == 0 and len(made) == 2
+        assert gap.run(study, None, 1, tmp_path, tmp_path) == 0 and len(made) == 2
     (tmp_path / "gap.json").write_text("{")
     with pytest.raises(ConfigError, match="gap.json: damaged"):
-        gap.run(study, None, 1)
+        gap.run(study, None, 1, tmp_path, tmp_path)

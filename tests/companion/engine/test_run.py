@@ -71,7 +71,7 @@ def test_another_bodys_losses_are_in_the_same_unit_for_every_seed(study, data):
     The variance of the few trajectories that the model learnt from differs by seed.
     """
     network = replace(study.preset.network, novice_body=NOVICES["planar"])
-    other_study = study.with_preset(replace(study.preset, network=network))
+    other_study = Study(replace(study.preset, network=network))
     for seed in (0, 1):
         trial = other_study.trial("system1", "novice_only", 0.75, seed)
         outcome, trained = perform(trial, data)
@@ -164,7 +164,7 @@ def test_one_failure_loses_no_other(trials, data, tmp_path, capsys, monkeypatch)
     ],
 )
 def test_what_cannot_be_run_is_refused(tiny, tmp_path, changes, words):
-    trials = [] if changes else Study(tiny, tmp_path, tmp_path).figure3("system1")
+    trials = [] if changes else Study(tiny).figure3("system1")
     with pytest.raises(ConfigError, match=words):
         run(trials, data=tmp_path, results=tmp_path, **changes)
 
@@ -208,7 +208,7 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     assert said.count("stands for the data of the results") == 1
     assert said.count("not compared, since no results are made with it") == 3
     assert known_motion.read(results)[expert.name].digests == ("elsewhere", here)
-    (trial,) = Study(tiny, data, results).points("system1", ["novice_only"], [0.25])
+    (trial,) = Study(tiny).points("system1", ["novice_only"], [0.25])
     row = run([trial], data=data, results=results, progress=False).get(trial)
     timed = ProvenanceTimer("driving", trial, data).done()
     assert timed.digests == row.provenance.digests

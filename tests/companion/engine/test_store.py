@@ -16,9 +16,9 @@ from tests.companion.conftest import RESULTS
 
 
 @pytest.fixture
-def trials(tiny, tmp_path):
+def trials(tiny):
     """Four trials of a tiny study."""
-    return Study(tiny, tmp_path / "no-data", tmp_path).figure3("system1")
+    return Study(tiny).figure3("system1")
 
 
 @pytest.fixture

@@ -17,9 +17,9 @@ from sidm.config import replace
 
 
 @pytest.fixture
-def frame(tiny, tmp_path, make_row):
+def frame(tiny, make_row):
     """Results in which SIDM halves the loss, but for one seed where it is worse."""
-    study = Study(tiny, tmp_path, tmp_path)
+    study = Study(tiny)
     losses = {
         "novice_only": [1.0, 2.0, 3.0],
         "sidm": [0.5, 1.0, 1.5],

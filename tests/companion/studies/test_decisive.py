@@ -52,8 +52,8 @@ EARLY = 40  # tests until the released rule has seen the first minimum
 
 
 @pytest.fixture
-def study(tmp_path):
-    return Study("study", tmp_path, tmp_path)
+def study():
+    return Study("study")
 
 
 def with_curve(row, loss, spacing):
@@ -317,23 +317,27 @@ def test_each_step_says_what_is_stored_and_how_long_it_took(study, make_row, tmp
 
 
 def test_steps_can_be_run_alone(study):
-    folders = dict(data=study.data, results=study.results)
-    some = grid("study", "decisive", steps=["A2", "A1"], **folders)
+    some = grid("study", "decisive", steps=["A2", "A1"])
     first, second = (design.STEPS[i].trials(study) for i in (3, 5))
     assert some == first + second
-    one = grid("study", "decisive", "system2", steps=["A2", "A1"], **folders)
+    one = grid("study", "decisive", "system2", steps=["A2", "A1"])
     assert one == second
     with pytest.raises(ConfigError, match="unknown step 'A3'"):
-        grid("study", "decisive", steps=["A3"], **folders)
+        grid("study", "decisive", steps=["A3"])
     with pytest.raises(ConfigError, match="the figure decisive alone has steps"):
-        grid("study", "3", steps=["A1"], **folders)
+        grid("study", "3", steps=["A1"])
 
 
 WIDE = 100_000  # the same, for steps E1 to E5
 
 
 @pytest.fixture
-def put(study, make_row):
+def store(tmp_path):
+    return Results(tmp_path)
+
+
+@pytest.fixture
+def put(store, make_row):
     """Function that stores a row whose loss falls until a million samples.
 
     With `later`, the loss falls again after the cap of E1.
@@ -345,13 +349,13 @@ def put(study, make_row):
         if later is not None:
             every[arms.ABLATION_CAPS[trial.system] // WIDE + 2 :] = later
         row = make_row(trial, every[-1])
-        Results(study.results).put(with_curve(row, every, WIDE))
+        store.put(with_curve(row, every, WIDE))
 
     return put
 
 
 @pytest.fixture
-def results(study, put):
+def results(study, store, put):
     """Rows of E1 and R: one setting changes the loss, seeds differ a little.
 
     R's trainings of system 2 gain only after the cap.
@@ -368,7 +372,7 @@ def results(study, put):
         effect = 1.3 if trial.training.p_expert == 0.9 else 1
         noise = 1 + 0.002 * rng.standard_normal()
         put(trial, 0.3 * seeds[trial.seed] * effect * noise)
-    return ablated.results(study, Results(study.results))
+    return ablated.results(study, store)
 
 
 def test_a_setting_is_held_against_r_seed_by_seed_at_one_cap(results):
@@ -395,7 +399,7 @@ def test_a_p_value_belongs_to_its_interval(rng):
     assert np.isnan(p[2])
 
 
-def test_the_rivals_best_seed_lowers_the_ratio(study, put):
+def test_the_rivals_best_seed_lowers_the_ratio(study, store, put):
     """Losses 1 / sqrt(minutes); one of five seeds is better from 20 minutes on."""
     for trial in arm(study, "R", "system1", R_CAPS, range(5)):
         loss = trial.novice_minutes**-0.5 / (2 if trial.method == "sidm" else 1)
@@ -403,7 +407,7 @@ def test_the_rivals_best_seed_lowers_the_ratio(study, put):
             loss *= 0.8
         put(trial, loss)
     # results of one recipe alone have the types that figures compute with
-    frame = verdicts.results(study, Results(study.results))
+    frame = verdicts.results(study, store)
     assert frame.validation_loss.dtype == float and set(frame.recipe) == {"R"}
     plain = length_curves.ratio_at_best(frame, "system1", ())
     best = length_curves.ratio_at_best(frame, "system1", ALONE_SIZES[2:])

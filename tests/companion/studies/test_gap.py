@@ -32,7 +32,7 @@ def test_a_pair_is_measured_from_the_same_starts(tmp_path, monkeypatch):
     """The result does not depend on how many starts a worker drives."""
     monkeypatch.setattr(simulated_gap, "EVERY_SYSTEM", ("system1",))
     monkeypatch.setattr(simulated_gap, "STARTS", 3)
-    MEASUREMENTS["gap"].run(Study("smoke", tmp_path, tmp_path), None, 1)
+    MEASUREMENTS["gap"].run(Study("smoke"), None, 1, tmp_path, tmp_path)
     table = simulated_gap.table(tmp_path)
     forward = table[table.component == "forward"].set_index("time")
     assert forward.gap[2.5] > forward.gap[0.5] > 0
@@ -81,12 +81,12 @@ def test_like_robots_cover_each_other_and_one_that_was_elsewhere_nothing(drawn):
     assert expert.loss - novice.loss == pytest.approx(52, abs=8)
 
 
-def test_an_overlap_that_is_measured_is_read(study, monkeypatch):
+def test_an_overlap_that_is_measured_is_read(study, data, tmp_path, monkeypatch):
     monkeypatch.setattr(nearest_neighbours, "PAPER_SYSTEMS", ("system1",))
-    assert nearest_neighbours.read(study.results) == {}
-    MEASUREMENTS["overlap"].run(study, None, workers=1)
+    assert nearest_neighbours.read(tmp_path) == {}
+    MEASUREMENTS["overlap"].run(study, None, 1, data, tmp_path)
     monkeypatch.setattr(nearest_neighbours, "PAPER_SYSTEMS", ("system1", "added"))
-    stored = nearest_neighbours.read(study.results)
+    stored = nearest_neighbours.read(tmp_path)
     assert list(stored) == ["system1"] and {*stored["system1"]} == {"expert", "novice"}
 
 

@@ -88,12 +88,14 @@ def test_what_is_held_out_was_not_learnt_from(study, data, monkeypatch):
     assert not any(torch.equal(a, b) for a in seen["expert"] for b in learnt)
 
 
-def test_two_untrained_encoders_are_farther_apart_than_one(study, monkeypatch):
+def test_two_untrained_encoders_are_farther_apart_than_one(
+    study, data, tmp_path, monkeypatch
+):
     """With one encoder the latents differ as much as the robots' motion does."""
     monkeypatch.setattr(untrained, "PAPER_SYSTEMS", ("system1",))
-    assert not len(untrained.table(study.results, ["system1"]))
-    MEASUREMENTS["untrained-latents"].run(study, None, workers=1)
-    measured = untrained.table(study.results, ["system1"])
+    assert not len(untrained.table(tmp_path, ["system1"]))
+    MEASUREMENTS["untrained-latents"].run(study, None, 1, data, tmp_path)
+    measured = untrained.table(tmp_path, ["system1"])
     own, one = (
         measured.mmd[measured.encoders == name].to_numpy()
         for name in untrained.ENCODERS

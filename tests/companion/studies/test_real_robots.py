@@ -13,7 +13,7 @@ from sidm.config import ConfigError, replace
 
 def test_a_study_is_asked_for_its_own_systems_alone(tmp_path):
     with pytest.raises(ConfigError, match="'real-robots' is about husky to warthog"):
-        STUDIES["real-robots"].run(Study("smoke", tmp_path, tmp_path), "system1", 1)
+        STUDIES["real-robots"].run(Study("smoke"), "system1", 1, tmp_path, tmp_path)
 
 
 def test_jitter_is_found_in_a_smooth_path(rng):

@@ -32,7 +32,7 @@ def jobs(tiny, recordings, tmp_path_factory):
     data = tmp_path_factory.mktemp("data")
     for dataset in e.proxies(tiny, "system1").values():
         write_motion(data, dataset)
-    return e.jobs(Study(tiny, data, data), "system1", recordings, [0.25])
+    return e.jobs(Study(tiny), "system1", recordings, [0.25])
 
 
 def test_simulated_robots_are_driven_as_the_recorded_ones_were(jobs):

@@ -12,14 +12,14 @@ from companion.studies.reproduction import store_of, with_repeats
 
 
 @pytest.fixture
-def study(tmp_path):
-    return Study("laptop", tmp_path, tmp_path)
+def study():
+    return Study("laptop")
 
 
 def test_the_command_line_holds_results_against_others_and_says_what_has_none(
-    study, make_row, capsys
+    study, make_row, tmp_path, capsys
 ):
-    mine, theirs = (Results(study.results / name) for name in ("mine", "theirs"))
+    mine, theirs = (Results(tmp_path / name) for name in ("mine", "theirs"))
     points = study.points("system1", ["sidm"], [5.0])
     for trial in points:
         theirs.put(make_row(trial, 2.0))
@@ -38,12 +38,12 @@ def test_the_command_line_holds_results_against_others_and_says_what_has_none(
     ]
 
 
-def test_a_comparison_is_on_the_same_motion_where_it_can_be(study, make_row):
+def test_a_comparison_is_on_the_same_motion_where_it_can_be(study, make_row, tmp_path):
     """The loss doubles; on motion that was simulated again all losses are 10 % lower.
 
     The trials of another size have no repeat and are compared across motions.
     """
-    folder, store = study.results, Results(study.results)
+    folder, store = tmp_path, Results(tmp_path)
     note([Known(name="novice", digest="first", same=("rounded",))], folder)
     stored = study.points("system1", ["sidm"], [5.0, 20.0])
     changed = study.changed(pixels=16).points("system1", ["sidm"], [5.0, 20.0])

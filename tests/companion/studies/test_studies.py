@@ -57,8 +57,7 @@ def jobs(study, data, recordings):
     def recorded_targets() -> Iterator[tuple[str, Any]]:
         for dataset in proxies(study.preset, "system1").values():
             write_motion(data, dataset)
-        again = Study(study.preset, data, study.results)
-        found = module["recorded-targets"].jobs(again, "system1", recordings, [0.25])
+        found = module["recorded-targets"].jobs(study, "system1", recordings, [0.25])
         for job in found:
             if job.method in ("sidm", "corrected_averaged", "least_squares"):
                 name = f"recorded, {job.method}, {job.proxy}"
@@ -87,10 +86,9 @@ def jobs(study, data, recordings):
         for job in module["several-experts"].jobs(study, "system1", *sizes):
             for member in job.members:
                 write_motion(data, member)
-        again = Study(study.preset, data, study.results)
         yield (
             "2 experts, the paper's",
-            module["several-experts"].jobs(again, "system1", *sizes)[1],
+            module["several-experts"].jobs(study, "system1", *sizes)[1],
         )
 
     def real_robots() -> Iterator[tuple[str, Any]]:

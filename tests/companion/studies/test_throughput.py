@@ -13,12 +13,12 @@ from sidm.learning import training
 
 
 @pytest.fixture
-def study(tiny, data, tmp_path):
+def study(tiny):
     """The tiny study with phases of a few iterations."""
-    return Study(tiny.replace(prediction_iterations=4, test_interval=2), data, tmp_path)
+    return Study(tiny.replace(prediction_iterations=4, test_interval=2))
 
 
-def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
+def test_the_stretch_holds_one_phase_of_each_algorithm(study, data, monkeypatch):
     """From the first test, at iteration 2, to iteration 6."""
     phases, regularise = [], training.regularisation_phase
 
@@ -28,16 +28,16 @@ def test_the_stretch_holds_one_phase_of_each_algorithm(study, monkeypatch):
 
     monkeypatch.setattr(training, "regularisation_phase", counted)
     (trial,) = study.points("system1", ["sidm"], [0.25], seeds=1)
-    assert time_training(trial, study.data) > 0 and phases == [4]
+    assert time_training(trial, data) > 0 and phases == [4]
 
 
-def test_what_is_measured_is_read(study, tmp_path, monkeypatch):
+def test_what_is_measured_is_read(study, data, tmp_path, monkeypatch):
     name, methods = study.preset.name, ["sidm", "pretrain_finetune"]
     assert read(tmp_path, name) == {}
     assert "not measured" in pace_note(tmp_path, name, "companion run")
     monkeypatch.setattr(throughput, "TRAINED", methods)
     monkeypatch.setattr(throughput, "ROUNDS", 2)
-    MEASUREMENTS["throughput"].run(study, None, workers=1)
+    MEASUREMENTS["throughput"].run(study, None, 1, data, tmp_path)
     note = pace_note(tmp_path, name, "companion run")
     assert "in 2 rounds, on one core" in note and "beside what else" in note
     stored = read(tmp_path, name)

@@ -43,7 +43,7 @@ def test_every_method_has_as_many_tries_and_the_lowest_test_loss_is_marked(
 ):
     # so that the method uses the untuned base
     preset = tiny.replace(tuning_minutes=[0.5], test_interval=25)
-    study, store = Study(preset, tmp_path, tmp_path), Results(tmp_path)
+    study, store = Study(preset), Results(tmp_path)
     trials = trials_of(study, "system1")
     assert len({trial.key for trial in trials}) == len(trials) == 3 * 7
     assert {trial.seed for trial in trials} == {TUNING_SEED}
@@ -66,7 +66,7 @@ def test_every_method_has_as_many_tries_and_the_lowest_test_loss_is_marked(
 def test_the_laptop_is_tuned_to_its_best_tries(method):
     """By the rule, the lowest test loss on system 1 wins."""
     preset = load_preset("laptop")
-    trials = trials_of(Study("laptop", "no data", RESULTS), "system1")
+    trials = trials_of(Study("laptop"), "system1")
     trials = [trial for trial in trials if trial.method == method]
     losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
     assert len(losses) == len(TRIES[method])
@@ -80,7 +80,7 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
 @pytest.mark.parametrize("method", LITTLE_TRIES)
 def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, system):
     """A system's lowest test loss wins, unless Figure 3's setting is about as good."""
-    study = Study("study", "no data", RESULTS)
+    study = Study("study")
     trials = [t for t in trials_of(study, system) if t.method == method]
     losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
     assert len(losses) == len(LITTLE_TRIES[method]) == 6
@@ -100,7 +100,7 @@ def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
 
     On system 2, with its own settings, the data of training alone count twice.
     """
-    study, store = Study("study", tmp_path, tmp_path), Results(tmp_path)
+    study, store = Study("study"), Results(tmp_path)
 
     def row(trial, worth=1.0):
         loss = (worth * trial.novice_minutes) ** -0.5
@@ -140,13 +140,13 @@ def few(study, monkeypatch):
     return study
 
 
-def test_a_search_of_trees_goes_on_where_it_was(few):
+def test_a_search_of_trees_goes_on_where_it_was(few, data, tmp_path):
     """A draw that is kept is not searched again."""
-    kept = few.data / "checkpoints" / tree_search.NAME
+    kept = data / "checkpoints" / tree_search.NAME
     done = {"trees 0": [1.0, 2.0]}
     write_record(kept, {"losses": done, "numerics": versions("fitting")})
-    MEASUREMENTS["tree-search"].run(few, None, workers=1)
-    stored = read_record(few.results / tree_search.NAME)
+    MEASUREMENTS["tree-search"].run(few, None, 1, data, tmp_path)
+    stored = read_record(tmp_path / tree_search.NAME)
     assert stored["numerics"] == versions("fitting") and not kept.exists()
     assert stored["trees"][0][1] == [1.0, 2.0] != stored["trees"][1][1]
     assert [Growth(*values) for values in stored["trees"][1][0]] == draw("trees", 1)
