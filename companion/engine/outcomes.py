@@ -8,12 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from companion.bodies import as_body
 from companion.engine.library import Library
 from companion.engine.rows import Outcome
 from companion.trials import Trial
 from sidm.learning.evaluation import rollout, rollout_errors, validation_loss
 from sidm.learning.model import Predictor
-from sidm.learning.observation import convert_to_body
 from sidm.learning.training import Trained
 from sidm.learning.units import Standardisation, loss_weights
 from sidm.systems import find_system
@@ -53,17 +53,15 @@ def roll_out(model: Predictor, trial: Trial, library: Library) -> tuple[Tensor, 
     The model gets the first state, the ground and the drive's own actions.
     """
     terrain, body = find_system(trial.system).terrain, trial.network.body("novice")
-    drives, heights = library.rollouts(trial), library.rollout_heights(trial)
+    heights = library.rollout_heights(trial)
+    drives = as_body(library.rollouts(trial), body)
     states = _stacked([drive.states[: ROLLOUT_STEPS + 1] for drive in drives])
     actions = _stacked([drive.actions[:ROLLOUT_STEPS] for drive in drives])
-    # `convert_to_body` wants an action for every state; the added one is not used.
-    padded = torch.cat([actions, actions[:, -1:]], 1)
-    states, padded = convert_to_body(body, states, padded)
     predicted = rollout(
         model,
         heights,
         states[:, 0],
-        padded[:, :-1],
+        actions,
         trial.network.pixels,
         spacing=terrain.spacing,
         body=body,

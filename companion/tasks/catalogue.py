@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from companion.bodies import NOVICES
+from companion.bodies import NOVICES, as_body
 from ownrobot.body_file import read_body
 from ownrobot.fitting.splits import drives_of_sessions, session_order
 from ownrobot.recordings import read_drives
@@ -148,29 +148,8 @@ def load_task(
     validation = drives_of("novice", task.validation_minutes, VALIDATION_SEED)
     expert = drives_of("expert", task.expert_minutes, EXPERT_SEED)
     _, body = bodies(task)
-    chosen, validation = (_as_body(drives, body) for drives in (chosen, validation))
+    chosen, validation = (as_body(drives, body) for drives in (chosen, validation))
     return TaskData(_own_sessions(chosen), _own_sessions(expert), validation)
-
-
-def _as_body(drives: list[Drive], body: Body) -> list[Drive]:
-    """Simulated drives as another body sees them."""
-    if body == ROVER:
-        return drives
-    # here, since tasks are listed without PyTorch
-    import torch
-
-    from sidm.learning.dataset import states_for_body
-
-    converted = []
-    for drive in drives:
-        states = torch.from_numpy(drive.states).double()
-        last = np.vstack([drive.actions, drive.actions[-1:]])
-        actions = torch.from_numpy(last).double()
-        states, actions = states_for_body(body, ROVER, states, actions)
-        values = {"states": states.numpy(), "actions": actions[:-1].numpy()}
-        ground = drive.ground if body.map_size else None
-        converted.append(replace(drive, **values, body=body, ground=ground))
-    return converted
 
 
 def _own_sessions(drives: list[Drive]) -> list[Drive]:

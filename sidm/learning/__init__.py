@@ -13,7 +13,7 @@ _MODULES = {
     "sidm.learning.checkpoint": "CheckpointError",
     "sidm.learning.stopping": "CurvePoint TrainingError",
     "sidm.learning.training": "Trained train",
-    "sidm.learning.dataset": "Datasets Windows load_windows windows_of",
+    "sidm.learning.dataset": "Datasets Windows windows_of",
     "sidm.learning.model": "DynamicsModel",
     "sidm.learning.units": "Standardisation",
     "sidm.learning.observation": "encode_inputs integrate robot_centred_map transition",

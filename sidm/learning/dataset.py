@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from sidm.body import ROVER, Body
 from sidm.config import ConfigError, replace
 from sidm.drives import Drive
 from sidm.learning import observation
-from sidm.shards import Collection, ShardError, Which, digest, load
-from sidm.storage import locked, write_atomically
-from sidm.systems import Terrain
-
-MAPS_AT_A_TIME = 64  # drives whose maps are in memory while a file is written
 
 Indices = Tensor | np.ndarray | Sequence[int]
 
@@ -113,15 +105,14 @@ class Datasets(NamedTuple):
 
 
 def windows_of(
-    drives: Sequence[Drive], pixels: int, body: Body | None = None
+    drives: Sequence[Drive], pixels: int, maps: Tensor | None = None
 ) -> Windows:
     """Drives of equal length T as tensors, with maps of their ground.
 
     Args:
         drives: of one robot.
         pixels: P, pixels along a side of the maps, unless the body gives this number.
-        body: what the networks see of one of the paper's robots; by default the
-            drives' own body.
+        maps: (N, T, P, P), float16, m, where they were computed before.
 
     Raises:
         GroundError: simulated ground that cannot be made again as it was.
@@ -130,48 +121,16 @@ def windows_of(
     """
     if not drives:
         raise ValueError("no drives to make windows of")
-    body = body or drives[0].body
-    pixels = body.pixels(pixels)
-    if not pixels:
-        return _encode_drives(drives, body)
-    maps = np.stack([drive_maps(drive, pixels, body) for drive in drives])
-    return _encode_drives(drives, body, torch.from_numpy(maps))
-
-
-def load_windows(
-    root: str | Path,
-    collection: Collection,
-    which: Which,
-    terrain: Terrain,
-    pixels: int,
-    body: Body = ROVER,
-) -> Windows:
-    """N drives of a collection as tensors, as `body` sees them.
-
-    The maps are computed once, written beside the shards and read by memory map, so
-    that processes share them: a step takes 96 bytes of memory, and 2 P^2 bytes of a
-    file.
-    """
-    drives = load(Path(root), collection, which, terrain)
-    pixels = body.pixels(pixels)
-    if not pixels:
-        return _encode_drives(drives, body)
-    kind = ""  # the paper's kind of map has no name
-    if (body.map_size, body.pose) != (ROVER.map_size, ROVER.pose):
-        kind = f"-{body.map_size:g}m-{body.pose}"
-    path = collection.folder(Path(root)) / f"maps-{pixels}{kind}-{digest(drives)}.npy"
-    return _encode_drives(drives, body, _cached_maps(path, drives, pixels, body))
-
-
-def _encode_drives(
-    drives: Sequence[Drive], body: Body, maps: Tensor | None = None
-) -> Windows:
-    """Drives as a body sees them, with maps (N, T, P, P) if it has any."""
+    body = drives[0].body
     states, actions = states_and_actions(drives)
-    # the last state has no action: repeat the last one, and drop it again below
-    actions = torch.cat([actions, actions[:, -1:]], 1)
-    states, actions = states_for_body(body, drives[0].body, states, actions)
-    return encode_windows(body, states, actions[:, :-1], maps)
+    inputs = observation.encode_inputs(states[:, :-1], actions, body)
+    targets = observation.transition(states[:, :-1], states[:, 1:], body)
+    if maps is None and body.pixels(pixels):
+        computed = np.stack([drive_maps(drive, pixels) for drive in drives])
+        maps = torch.from_numpy(computed)
+    elif maps is None:
+        maps = torch.zeros(*actions.shape[:2], 0, 0, dtype=torch.float16)
+    return Windows(inputs.float(), targets.float(), maps)
 
 
 def states_and_actions(drives: Sequence[Drive]) -> tuple[Tensor, Tensor]:
@@ -181,75 +140,23 @@ def states_and_actions(drives: Sequence[Drive]) -> tuple[Tensor, Tensor]:
     return torch.from_numpy(states).double(), torch.from_numpy(actions).double()
 
 
-def states_for_body(
-    body: Body, recorded: Body, states: Tensor, actions: Tensor
-) -> tuple[Tensor, Tensor]:
-    """States and actions of the `recorded` body in the form of `body`."""
-    if recorded == body:
-        return states, actions
-    return observation.convert_to_body(body, states, actions)
+def drive_maps(drive: Drive, pixels: int) -> np.ndarray:
+    """Maps (T, P, P), float16, in m, as the body sees them when each step starts.
 
-
-def encode_windows(
-    body: Body, states: Tensor, actions: Tensor, maps: Tensor | None = None
-) -> Windows:
-    """Windows of states (N, T + 1, S), actions (N, T, A) and maps (N, T, P, P), m."""
-    inputs = observation.encode_inputs(states[:, :-1], actions, body)
-    targets = observation.transition(states[:, :-1], states[:, 1:], body)
-    if maps is None:
-        maps = torch.zeros(*actions.shape[:2], 0, 0, dtype=torch.float16)
-    return Windows(inputs.float(), targets.float(), maps)
-
-
-def drive_maps(drive: Drive, pixels: int, body: Body) -> np.ndarray:
-    """Maps (T, P, P), float16, in m, as `body` sees them at the start of each step."""
-    ground = drive.ground
+    P is `pixels` unless the body gives this number.
+    """
+    ground, body = drive.ground, drive.body
     if ground is None:
         raise ConfigError(
             f"{drive.name}: body '{body.name}' sees a height map, "
             "and the drive has no ground"
         )
-    heights = ground.heights
-    states, actions = map(torch.from_numpy, (drive.states[:-1], drive.actions))
-    states, _ = states_for_body(body, drive.body, states, actions)
     maps = observation.robot_centred_map(
-        heights, states, pixels, body.map_size, ground.spacing, body
+        ground.heights,
+        torch.from_numpy(drive.states[:-1]),
+        body.pixels(pixels),
+        body.map_size,
+        ground.spacing,
+        body,
     )
     return maps.numpy().astype(np.float16)
-
-
-def _cached_maps(
-    path: Path, drives: Sequence[Drive], pixels: int, body: Body
-) -> Tensor:
-    """Maps (N, T, P, P), float16, m, in a file, which is written if it is missing."""
-    shape = (len(drives), len(drives[0]), pixels, pixels)
-    with locked(path):
-        if not path.exists():
-            write_atomically(path, lambda file: _write_maps(file, shape, drives, body))
-    try:
-        maps = np.load(path, mmap_mode="c", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise ShardError(
-            f"{path}: the maps are damaged ({error}); delete the file to make it anew"
-        ) from None
-    if maps.shape != shape or maps.dtype != np.float16:
-        raise ShardError(
-            f"{path}: maps {maps.shape} where {shape} were expected; "
-            "delete the file to make it anew"
-        )
-    return torch.from_numpy(maps)
-
-
-def _write_maps(
-    file: IO[bytes], shape: tuple[int, ...], drives: Sequence[Drive], body: Body
-) -> None:
-    """Write maps (N, T, P, P), drive by drive; each thread makes those of a drive."""
-    header = {"descr": "<f2", "fortran_order": False, "shape": shape}
-    np.lib.format.write_array_header_1_0(file, header)
-    with ThreadPoolExecutor() as pool:
-        for start in range(0, len(drives), MAPS_AT_A_TIME):
-            some_drives = drives[start : start + MAPS_AT_A_TIME]
-            for maps in pool.map(
-                lambda drive: drive_maps(drive, shape[-1], body), some_drives
-            ):
-                file.write(maps.data)

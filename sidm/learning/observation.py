@@ -30,9 +30,8 @@ import torch
 from torch import Tensor
 
 from sidm import rotations
-from sidm.body import ROVER, UP, Body
-from sidm.config import unknown_name
-from sidm.drives import ACTION_SIZE, POSITION, QUATERNION, STATE_SIZE, TWIST
+from sidm.body import ROVER, Body
+from sidm.drives import POSITION, QUATERNION
 
 #: sizes of x and y of the paper's body: 11 and 13
 INPUT_SIZE, TARGET_SIZE = len(ROVER.inputs), len(ROVER.targets)
@@ -85,47 +84,6 @@ def integrate(states: Tensor, transitions: Tensor, body: Body = ROVER) -> Tensor
     quaternion = rotations.normalise(rotations.multiply(before, rotation))
     position = states[..., POSITION] + translation
     return torch.cat([position, quaternion, columns], dim=-1)
-
-
-def convert_to_body(
-    body: Body, states: Tensor, actions: Tensor
-) -> tuple[Tensor, Tensor]:
-    """The paper's states (..., 13) and actions (..., 2) in the form of another body.
-
-    A column of `body` is one of the paper's state or of the up direction, `up_x` to
-    `up_z`; an action is throttle, steering, or `left` and `right`, their sum and their
-    difference. States are then (..., S), actions (..., A).
-    """
-    require_shape(states, ("...", STATE_SIZE), "states")
-    require_shape(actions, ("...", ACTION_SIZE), "actions")
-    twist, up = states[..., TWIST].unbind(-1), _up_direction(states).unbind(-1)
-    names = [*dict(ROVER.columns), *(name.replace(" ", "_") for name in UP)]
-    columns = dict(zip(names, (*twist, *up), strict=True))
-    throttle, steering = actions.unbind(-1)
-    commands = {
-        "throttle": throttle,
-        "steering": steering,
-        "left": throttle + steering,
-        "right": throttle - steering,
-    }
-
-    def select(wanted: tuple[tuple[str, str], ...], known: dict[str, Tensor]) -> Tensor:
-        """The `known` tensors (...) that are wanted, as the last dimension of one."""
-        for name, _ in wanted:
-            if name not in known:
-                about = f"body '{body.name}' of the paper's robots"
-                raise unknown_name(name, known, about)
-        return torch.stack([known[name] for name, _ in wanted], -1)
-
-    if body.pose == "none":
-        parts = [states[..., :0]]
-    elif body.pose == "planar":
-        parts = [states[..., :2], heading_of(states)[..., None]]
-    else:
-        parts = [states[..., : QUATERNION.stop]]
-    if body.columns:
-        parts.append(select(body.columns, columns))
-    return torch.cat(parts, -1), select(body.actions, commands)
 
 
 def robot_centred_map(

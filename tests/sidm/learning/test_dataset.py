@@ -1,6 +1,4 @@
-"""Tensors from drives, the cache of maps, parts of windows, standardisation."""
-
-from pathlib import Path
+"""Tensors from drives, parts of windows, standardisation."""
 
 import numpy as np
 import pytest
@@ -8,37 +6,16 @@ import torch
 
 from sidm.body import ROVER
 from sidm.config import replace
-from sidm.learning import Standardisation, Windows, dataset, observation, windows_of
+from sidm.learning import Standardisation, observation, windows_of
 from sidm.learning.model import DynamicsModel
 from sidm.learning.units import loss_weights
-from sidm.shards import SHARD_SIZE, ShardError
 from sidm.terrain import generate_terrain
 from tests.ownrobot.cart import CART
-from tests.sidm.test_shards import COLLECTION, fill
 
 
-@pytest.fixture
-def drives(make_trajectories):
-    return make_trajectories(2 * SHARD_SIZE)
-
-
-@pytest.fixture
-def stored(tmp_path, drives, small_terrain):
-    """A function that loads windows of the drives, which are on disk."""
-    fill(tmp_path, drives)
-
-    def load(count: int, pixels: int = 8) -> Windows:
-        return dataset.load_windows(tmp_path, COLLECTION, count, small_terrain, pixels)
-
-    return load
-
-
-def cached(root):
-    return list(COLLECTION.folder(root).glob("maps-*.npy"))
-
-
-def test_windows_are_what_the_networks_see_of_drives(small_terrain, drives):
-    motion, drive = windows_of(drives[:3], 8), drives[1]
+def test_windows_are_what_the_networks_see_of_drives(small_terrain, make_trajectories):
+    drives = make_trajectories(3)
+    motion, drive = windows_of(drives, 8), drives[1]
     assert (len(motion), motion.maps.dtype) == (3, torch.float16)
     states, actions = (
         torch.from_numpy(part).double() for part in (drive.states, drive.actions)
@@ -51,43 +28,6 @@ def test_windows_are_what_the_networks_see_of_drives(small_terrain, drives):
         (motion.maps, observation.robot_centred_map(heights, states[:-1], 8), 2e-3),
     ):
         assert torch.allclose(found[1].double(), expected, atol=error)
-
-
-def test_loaded_windows_are_those_of_the_drives_and_maps_are_computed_once(
-    stored, drives, tmp_path, monkeypatch
-):
-    expected = windows_of(drives[: SHARD_SIZE + 1], 8)
-    for _ in range(2):  # the file is made, then read
-        motion = stored(SHARD_SIZE + 1)
-        for name in ("inputs", "targets", "maps"):
-            assert torch.equal(getattr(motion, name), getattr(expected, name))
-        build = "sidm.terrain.generate_terrain"
-        monkeypatch.setattr(build, lambda *_: pytest.fail("built a terrain again"))
-    (path,) = cached(tmp_path)
-    mapped = Path("/proc/self/maps")  # maps stay in their file
-    assert not mapped.exists() or path.name in mapped.read_text()
-    before = path.read_bytes()
-    motion.maps.zero_()
-    assert path.read_bytes() == before
-
-
-def test_each_resolution_and_count_has_its_file(stored, tmp_path):
-    for count, pixels in ((3, 8), (3, 7), (4, 8)):
-        assert stored(count, pixels).maps.shape == (count, 6, pixels, pixels)
-    assert len(cached(tmp_path)) == 3
-
-
-@pytest.mark.parametrize("content", [b"", b"not an array", b"\x93NUMPY\x01\x00"])
-def test_damaged_maps_are_named(stored, tmp_path, content):
-    stored(2)
-    (path,) = cached(tmp_path)
-    path.write_bytes(content)
-    with pytest.raises(ShardError, match="maps-8-.*damaged.*delete the file") as error:
-        stored(2)
-    assert "\n" not in str(error.value)
-    np.save(path, np.zeros((1, 2), np.float16))
-    with pytest.raises(ShardError, match=r"maps \(1, 2\) where \(2, 6, 8, 8\)"):
-        stored(2)
 
 
 def test_parts_of_windows_are_the_same_copied_or_not(make_motion):

@@ -9,11 +9,12 @@ import torch
 
 from sidm.body import DRIVE, ROVER, TWIST, Body
 from sidm.config import ConfigError
+from sidm.drives import Drive
 from sidm.learning import Datasets, Training, Windows, evaluation, observation, train
-from sidm.learning.dataset import encode_windows
-from sidm.learning.observation import convert_to_body, integrate, transition
+from sidm.learning.dataset import windows_of
+from sidm.learning.observation import integrate, transition
 from sidm.learning.trainer import Trainer
-from tests.sidm.learning.test_observation import at, random_states
+from tests.sidm.learning.test_observation import random_states
 
 PIXELS = 8  # of the maps of the small network
 ALONE = dict(p_expert=0.0, regularise=False)
@@ -37,15 +38,14 @@ def motion(
     body: Body, count: int, rng: np.random.Generator, steps: int = 12
 ) -> Windows:
     """Smooth made-up motion of a body, `steps` a trajectory."""
-    states = torch.from_numpy(
-        rng.normal(size=(count, steps + 1, len(body.state))).cumsum(1) * 0.1
-    )
+    states = rng.normal(size=(count, steps + 1, len(body.state))).cumsum(1) * 0.1
     if body.pose == "spatial":
-        states[..., 3:7] /= states[..., 3:7].norm(dim=-1, keepdim=True)
-    actions = torch.from_numpy(rng.normal(size=(count, steps, len(body.actions))))
+        states[..., 3:7] /= np.linalg.norm(states[..., 3:7], axis=-1, keepdims=True)
+    actions = rng.normal(size=(count, steps, len(body.actions)))
     pixels = body.pixels(PIXELS)
     maps = torch.from_numpy(rng.normal(size=(count, steps, pixels, pixels))).half()
-    return encode_windows(body, states, actions, maps)
+    drives = [Drive(*arrays, body) for arrays in zip(states, actions, strict=True)]
+    return windows_of(drives, PIXELS, maps)
 
 
 @pytest.fixture
@@ -84,19 +84,6 @@ def test_integrating_a_transition_leads_to_the_next_state(body, rng):
         states, torch.zeros(50, len(body.actions)).double(), body
     )
     assert inputs.shape == (50, len(body.inputs))
-
-
-def test_the_papers_state_is_seen_by_another_body():
-    columns = (("up_z", "1"), ("vx", "m/s"))
-    body = dataclasses.replace(TRACKED, columns=columns)
-    states, action = at(x=1.0, y=2.0, yaw=0.5), double(0.5, 0.2)
-    states[7] = 3.0
-    seen, actions = convert_to_body(body, states, action)
-    assert torch.allclose(seen, double(1.0, 2.0, 0.5, 1.0, 3.0))
-    assert torch.allclose(actions, double(0.7, 0.3))
-    assert torch.equal(convert_to_body(ROVER, states, action)[0], states)
-    with pytest.raises(ConfigError, match="yaw_rate"):
-        convert_to_body(TRACKED, states, action)
 
 
 def test_a_planar_robots_map_is_relative_to_the_ground_under_it():
