@@ -16,8 +16,8 @@ import companion
 import ownrobot
 import sidm
 from companion.numerics import RESULT_VERSIONS, versions
+from ownrobot.versions import library_versions, source_digest
 from sidm.config import config
-from sidm.versions import library_versions, source_digest
 
 try:
     import resource

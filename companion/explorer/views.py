@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import ROLE_STYLES, draw_ground, system_label
+from ownrobot.plots import STYLE
 from ownrobot.replay.rides import Ride, tilt
 from sidm.drives import POSITION
-from sidm.plots import STYLE
 
 #: Line styles of the first and the second robot, in the neutral colours of novice and
 #: expert.

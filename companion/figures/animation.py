@@ -16,8 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from companion.figures.style import draw_surroundings, legend_below
+from ownrobot.plots import STYLE
 from sidm.drives import CONTROL_STEP
-from sidm.plots import STYLE
 
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s, duration of the last frame

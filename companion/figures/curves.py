@@ -20,7 +20,7 @@ from companion.figures.style import (
 )
 from companion.methods import FIGURE3
 from companion.statistics.pairs import unique_results
-from sidm.plots import finish, styled
+from ownrobot.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
 MOST_INSIDE = 4  # number of methods whose names have room inside a plot

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import METHOD_STYLES, share_labels
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 
 WIDTH, ROW, AROUND = 9.4, 0.33, 1.2  # inch: of a figure, for each row, around the rows
 TICKS = 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from companion.figures.stacked import png
 from companion.methods import FOR_LITTLE, METHODS
-from sidm.plots import side_by_side
+from ownrobot.plots import side_by_side
 from sidm.systems import GRID_SPACING
 
 #: Colour, line and marker of a method; a dashed line may be (offset, dashes).

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from companion.figures.style import METHOD_STYLES
 from companion.pages.markdown import markdown_table, table_markdown
 from companion.statistics.tables import COMPONENTS
+from ownrobot.plots import styled
 from sidm import rotations
 from sidm.body import ROVER
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, STEPS
@@ -36,7 +37,6 @@ from sidm.learning.training import (
     matching_iteration,
     prediction_phase,
 )
-from sidm.plots import styled
 from sidm.settings import Network
 from sidm.systems import GRID_SPACING, System
 from sidm.terrain import generate_terrain, height_at

@@ -31,8 +31,8 @@ from companion.statistics.tables import loss_summary
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
+from ownrobot.plots import finish, side_by_side, styled
 from sidm.config import ConfigError, replace
-from sidm.plots import finish, side_by_side, styled
 from sidm.shards import trajectories_for
 from sidm.systems import PAPER_SYSTEMS
 

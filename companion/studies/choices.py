@@ -24,7 +24,7 @@ from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
-from sidm.plots import finish, styled
+from ownrobot.plots import finish, styled
 
 #: Description of a choice -> changes of the preset, and the methods that it concerns.
 Choices = Mapping[str, tuple[dict[str, Any], tuple[str, ...]]]

@@ -14,7 +14,7 @@ from companion.statistics.pairs import paired_comparison
 from companion.statistics.tables import COMPONENTS
 from companion.study import Study
 from companion.trials import Trial
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 NAMES = [name for name, _ in COMPONENTS]

@@ -37,7 +37,7 @@ from companion.studies import ablations
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
-from sidm.plots import finish, styled
+from ownrobot.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
 #: Other methods that learn from two systems.

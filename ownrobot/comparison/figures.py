@@ -9,7 +9,7 @@ import numpy as np
 
 from ownrobot.comparison.plan import TRIVIAL
 from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,10 +17,10 @@ from ownrobot.comparison.plan import Fit, Task
 from ownrobot.comparison.result import FitResult
 from ownrobot.fitting.errors import DriveLosses
 from ownrobot.fitting.windows import ground_key
+from ownrobot.versions import library_versions, source_digest
 from sidm.config import to_mapping
 from sidm.drives import Drive
 from sidm.storage import Damaged, checksum, read_record, write_record
-from sidm.versions import library_versions, source_digest
 
 
 def file_of(task: Task, fit: Fit) -> Path | None:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from companion.figures.style import METHOD_STYLES, system_label
 from companion.studies.adversary.measure import PHASES, REVERSAL_WEIGHTS
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 
 #: Classifier -> colour, marker and label of its accuracy.
 LINES = {

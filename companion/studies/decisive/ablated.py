@@ -33,7 +33,7 @@ from companion.studies.decisive.arms import (
 )
 from companion.studies.decisive.verdicts import END, RELEASED
 from companion.study import Study
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 
 LABELS = {
     "p_expert": "$p_e$",

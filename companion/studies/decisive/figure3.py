@@ -23,7 +23,7 @@ from companion.figures.style import (
 from companion.methods import COMPARED
 from companion.studies.decisive.arms import FINETUNING
 from companion.studies.decisive.verdicts import AT, PAPER, RELEASED, losses_by
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 
 #: min of novice data in the paper's Figure 3
 SIZES = {

@@ -17,8 +17,8 @@ from companion.figures.style import (
     system_label,
 )
 from companion.methods import COMPARED
+from ownrobot.plots import finish, side_by_side, styled
 from sidm.drives import CONTROL_STEP
-from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 MINUTES = (5.0, 120.0)  # of novice data, as in the paper

@@ -24,8 +24,8 @@ from companion.studies.decisive.verdicts import (
     paired,
     ratio_of_data,
 )
+from ownrobot.plots import finish, side_by_side, styled
 from sidm.learning.stopping import kept_after
-from sidm.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 SIZES = (1.0, 5.0, 20.0)  # min at which losses are compared along the training

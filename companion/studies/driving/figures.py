@@ -20,7 +20,7 @@ from companion.figures.style import (
 )
 from companion.studies.driving.measure import episode
 from companion.studies.driving.results import DRIVER, SHORT, label
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS
 
 SHOWN = 4  # episodes whose paths are drawn

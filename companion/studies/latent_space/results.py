@@ -16,7 +16,7 @@ from companion.figures.style import (
     legend_below,
     system_label,
 )
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS, ROLES
 
 #: Measures of how alike the latents are -> their headings on a page.

@@ -17,7 +17,7 @@ from companion.studies.real_robots.measure import (
     PRETRAINED,
     WITH_EXPERT,
 )
-from sidm.plots import finish, side_by_side, styled
+from ownrobot.plots import finish, side_by_side, styled
 
 #: Fields of a record that have an entry per size.
 SIZED = ["minutes", "loss", "displacement", "heading"]

@@ -23,7 +23,7 @@ from companion.statistics.claims import claim_rows, ratio_verdicts
 from companion.statistics.pairs import complete, pooled_comparison
 from companion.studies.recorded_targets.measure import HELD_OUT, Proxy
 from companion.studies.recorded_targets.recorded import validation_grounds
-from sidm.plots import finish, styled
+from ownrobot.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
 Way = tuple[str, Proxy]  # a method and the simulated robot that is its expert

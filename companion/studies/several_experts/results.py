@@ -14,7 +14,7 @@ from companion.statistics.claims import COLUMNS, claim_rows
 from companion.statistics.pairs import pooled_comparison
 from companion.statistics.savings import with_savings, with_savings_texts
 from companion.studies.several_experts.measure import WAYS
-from sidm.plots import finish, styled
+from ownrobot.plots import finish, styled
 from sidm.systems import Robot, family_robot, find_system
 
 #: What the paper says of the loss and of the length of the training (section 6).

@@ -21,8 +21,8 @@ from companion.figures.style import (
 )
 from companion.statistics.claims import claim_rows
 from companion.statistics.pairs import interval_texts, paired_comparison
+from ownrobot.plots import finish, styled
 from sidm.drives import CONTROL_STEP, QUATERNION
-from sidm.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
 #: Whether a model is trained by likelihood -> how figures and tables say so.
