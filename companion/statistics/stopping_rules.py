@@ -1,18 +1,42 @@
-"""Weights that other stopping rules would have kept of stored trainings.
+"""Weights that a stopping rule would have kept of a training that ran to its end.
 
-This needs trainings that are stored with every test.
+A rule is read from the stored tests of one training, not run. This needs trainings that
+are stored with every test.
 """
 
 from __future__ import annotations
 
+import bisect
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Literal, NamedTuple
+
 import pandas as pd
 
-from sidm.learning.stopping import (
-    RELEASED_SMOOTHING,
-    Curve,
-    StoppingRule,
-    kept_weights,
-)
+from sidm.learning.stopping import RELEASED_SMOOTHING, EarlyStopping, smoothed
+
+#: samples that count as an iteration of the released code: 2 trajectories of 64 steps
+RELEASED_ITERATION = 128
+
+
+class Curve(NamedTuple):
+    """All E tests of a training that was run to its end."""
+
+    samples: Sequence[int]  # (E,), seen in the prediction phases before each test
+    training_loss: Sequence[float]  # (E,), as in `CurvePoint`
+    test_loss: Sequence[float]  # (E,), not smoothed
+    validation_loss: Sequence[float]  # (E,)
+    iteration: int  # samples of one iteration
+
+
+class StoppingRule(NamedTuple):
+    """When a training ends; it keeps the weights of the lowest smoothed test loss."""
+
+    stopping: Literal["test_loss", "released"] = "test_loss"  # as in `EarlyStopping`
+    smoothing: float = 0.5  # weight of the past in the smoothed test loss
+    patience: int | None = None  # samples without a new minimum; None: no limit
+    max_samples: int | None = None  # None: no limit
+
 
 #: Rules by name. The paper stops once the test loss 'started increasing indicating
 #: overfitting': first rise is the strictest reading, which noise can end. The loss
@@ -24,6 +48,70 @@ RULES: dict[str, StoppingRule] = {
     "released": StoppingRule(stopping="released"),
     "end": StoppingRule(),
 }
+
+
+class KeptWeights(NamedTuple):
+    """The weights that a stopping rule keeps of a training."""
+
+    samples: int  # seen when the weights were reached
+    test_loss: float  # smoothed, which the rule compares
+    validation_loss: float  # of these weights
+    seen: int  # samples at the last test before the end
+    ended: bool  # whether the rule ended the training; otherwise its curve ended first
+
+
+def kept_weights(curve: Curve, rule: StoppingRule) -> KeptWeights:
+    """The weights that a training would have kept if `rule` had stopped it."""
+    limits = (rule.patience, rule.max_samples)
+    patience, max_samples = (2**62 if limit is None else limit for limit in limits)
+    stopper = EarlyStopping(rule.stopping, rule.smoothing, patience, max_samples)
+
+    def ends(samples: int) -> bool:
+        return stopper.finished(samples, samples // RELEASED_ITERATION)
+
+    best, last, ended = None, 0, False
+    tests = zip(curve.samples, curve.training_loss, curve.test_loss, strict=True)
+    for number, (samples, training_loss, test_loss) in enumerate(tests):
+        # a training that ends between two tests is not tested again
+        ended = ends(samples - curve.iteration)
+        if ended:
+            break
+        last, iteration = samples, samples // RELEASED_ITERATION
+        if stopper.update(samples, iteration, training_loss, test_loss):
+            best = number
+    if best is None or stopper.best is None:
+        raise ValueError("a training without a test keeps nothing")
+    losses = stopper.best, curve.validation_loss[best]
+    return KeptWeights(curve.samples[best], *losses, last, ended or ends(last))
+
+
+def kept_after(
+    curve: Curve, lengths: Sequence[int], smoothing: float = StoppingRule().smoothing
+) -> list[KeptWeights]:
+    """The weights that a training would have kept, had it ended after so many samples.
+
+    This is `kept_weights` with each of the `lengths` as the `max_samples` of a rule
+    without patience, in one pass.
+    """
+    losses = list(
+        accumulate(curve.test_loss, lambda past, now: smoothed(past, now, smoothing))
+    )
+    best: list[int] = []  # test with the lowest smoothed loss so far
+    for test, loss in enumerate(losses):
+        lower = not best or loss < losses[best[-1]]
+        best.append(test if lower else best[-1])
+    # a training that ends between two tests is not tested again
+    starts = [samples - curve.iteration for samples in curve.samples]
+    kept = []
+    for length in lengths:
+        tests = bisect.bisect_left(starts, length)
+        if tests == 0:
+            raise ValueError("a training without a test keeps nothing")
+        last, at = curve.samples[tests - 1], best[tests - 1]
+        ended = tests < len(starts) or last >= length
+        of_weights = losses[at], curve.validation_loss[at]
+        kept.append(KeptWeights(curve.samples[at], *of_weights, last, ended))
+    return kept
 
 
 def stored_curve(row: pd.Series) -> Curve:

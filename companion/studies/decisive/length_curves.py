@@ -12,7 +12,12 @@ from matplotlib.figure import Figure
 
 from companion.figures.style import legend_below, system_label
 from companion.statistics.savings import DataRatio, data_ratio
-from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
+from companion.statistics.stopping_rules import (
+    RULES,
+    apply_rule,
+    kept_after,
+    stored_curve,
+)
 from companion.studies.decisive.verdicts import (
     ALONE_SIZES,
     AT,
@@ -25,7 +30,6 @@ from companion.studies.decisive.verdicts import (
     ratio_of_data,
 )
 from ownrobot.plots import finish, side_by_side, styled
-from sidm.learning.stopping import kept_after
 from sidm.systems import PAPER_SYSTEMS
 
 SIZES = (1.0, 5.0, 20.0)  # min at which losses are compared along the training

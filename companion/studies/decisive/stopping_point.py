@@ -16,11 +16,15 @@ import numpy as np
 import pandas as pd
 
 from companion.figures.style import METHOD_STYLES, system_label
-from companion.statistics.stopping_rules import RULES, apply_rule, stored_curve
+from companion.statistics.stopping_rules import (
+    RULES,
+    apply_rule,
+    kept_after,
+    stored_curve,
+)
 from companion.studies.decisive.length_curves import RECIPE_LABELS, lengths_of
 from companion.studies.decisive.search import FIRST_SEED
 from companion.studies.decisive.verdicts import AT, RELEASED, losses_by
-from sidm.learning.stopping import kept_after
 
 SCALE = 10_000  # stored numbers in a unit of loss
 DRAWN_TESTS = 160  # tests of a training that are drawn, evenly spread in its logarithm
