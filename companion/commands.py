@@ -13,7 +13,8 @@ from typing import Any
 
 from companion import registry
 from companion.cluster import executor_at
-from sidm.config import ConfigError, parse_changes
+from ownrobot.command_line import parse_changes
+from sidm.config import ConfigError
 from sidm.systems import SYSTEMS
 
 

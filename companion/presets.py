@@ -12,13 +12,13 @@ from typing import Any, Literal
 
 from companion.training import StudyTraining
 from companion.trials import Dataset, datasets
+from ownrobot.command_line import parse_changes
 from ownrobot.methods.registry import Method
 from sidm.config import (
     ConfigError,
     check_numbers,
     config,
     conform,
-    parse_changes,
     replace,
     unknown_name,
 )

@@ -7,12 +7,13 @@ be used.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import BrokenExecutor
 from typing import Any, NoReturn, TextIO
 
@@ -124,3 +125,28 @@ def whole_number(text: str, least: int = 1) -> int:
     if number < least:
         raise argparse.ArgumentTypeError(f"must be at least {least}, not {number}")
     return number
+
+
+def parse_value(text: str, name: str) -> Any:
+    """The value that a text on the command line stands for, read as YAML."""
+    import yaml
+
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"'{name}' cannot be read as YAML: {text!r}") from None
+    if isinstance(value, str):  # YAML 1.1 takes 1e-3 for text
+        with contextlib.suppress(ValueError):
+            return float(value)
+    return value
+
+
+def parse_changes(texts: Iterable[str]) -> dict[str, Any]:
+    """Name -> value from texts such as 'seeds=5', the arguments of `--set`."""
+    values: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
+        values[name] = parse_value(value, f"--set {name}")
+    return values

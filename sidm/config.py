@@ -237,28 +237,3 @@ def _defaults(cls: type) -> dict[str, Any]:
             holds = field.name in _nested(cls) and value is not None  # type: ignore[arg-type]
             defaults[field.name] = to_mapping(value) if holds else value
     return defaults
-
-
-def parse_value(text: str, name: str) -> Any:
-    """The value that a text on the command line stands for, read as YAML."""
-    import yaml
-
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"'{name}' cannot be read as YAML: {text!r}") from None
-    if isinstance(value, str):  # YAML 1.1 takes 1e-3 for text
-        with contextlib.suppress(ValueError):
-            return float(value)
-    return value
-
-
-def parse_changes(texts: Iterable[str]) -> dict[str, Any]:
-    """Name -> value from texts such as 'seeds=5', the arguments of `--set`."""
-    values: dict[str, Any] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise ConfigError(f"--set takes NAME=VALUE, not '{text}'")
-        values[name] = parse_value(value, f"--set {name}")
-    return values

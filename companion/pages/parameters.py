@@ -20,7 +20,8 @@ from typing import Any, NamedTuple, Optional
 import yaml
 
 from companion.pages.notebook import project_root
-from sidm.config import ConfigError, conform, first_line, parse_value, unknown_name
+from ownrobot.command_line import parse_value
+from sidm.config import ConfigError, conform, first_line, unknown_name
 from sidm.systems import find_system
 
 _PLAIN = (bool, int, float, str)

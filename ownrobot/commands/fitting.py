@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ownrobot.command_line import AddCommand, whole_number
+from ownrobot.command_line import AddCommand, parse_changes, whole_number
 from ownrobot.commands.options import (
     DRIVES,
     add_model_options,
@@ -19,7 +19,7 @@ from ownrobot.commands.options import (
     seconds,
 )
 from ownrobot.commands.tables import csv_text, errors_text, worst_text, write_csv
-from sidm.config import ConfigError, first_line, hint, parse_changes
+from sidm.config import ConfigError, first_line, hint
 
 if TYPE_CHECKING:
     from ownrobot.fitting.model import Model
