@@ -19,7 +19,6 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import NamedTuple
 
-from companion.engine.bundles import bundles, fits, run_bundle
 from companion.engine.datasets import collect_motion, refuse_missing_motion
 from companion.engine.execute import run_trial
 from companion.engine.known_motion import refuse_other_motion
@@ -104,10 +103,8 @@ def run(
     _refuse_other_motion(missing, data, store)
     with progress_bar(len(missing), "trials", "trial", progress) as bar:
         runner = _Runner(store, data, bar, device)
-        side_by_side = [trial for trial in missing if bundle and fits(trial)]
-        runner.run_bundles(side_by_side, bundle, until)
+        alone = runner.run_bundles(missing, bundle, until) if bundle else missing
         if time.monotonic() < until:
-            alone = [trial for trial in missing if not (bundle and fits(trial))]
             own = contextlib.nullcontext(executor) if executor else None
             with own or local_pool(min(workers, len(alone))) as pool:
                 runner.run_single(alone, pool)
@@ -159,17 +156,24 @@ class _Runner(NamedTuple):
         self.bar.update()
         shutil.rmtree(folder, ignore_errors=True)
 
-    def run_bundles(self, trials: list[Trial], slots: int, until: float) -> None:
-        """Train bundle after bundle in this process until the time is up."""
+    def run_bundles(self, trials: list[Trial], slots: int, until: float) -> list[Trial]:
+        """Train bundle after bundle in this process until the time is up.
+
+        Returns:
+            The trials that no bundle can train.
+        """
+        # here, since without a GPU nothing needs them
+        from companion.engine.bundles import bundles, fits, run_bundle
+
         folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
 
         def show(trial: Trial, tested: CurvePoint) -> None:
             shown = {"samples": tested.samples, "test_loss": f"{tested.test_loss:.4g}"}
             self.bar.set_postfix(shown, refresh=False)
 
-        for group in bundles(trials):
+        for group in bundles(filter(fits, trials)):
             if time.monotonic() >= until:
-                return
+                break
             for trial, result in run_bundle(
                 group, slots, self.data, folder, show, self.device, until
             ):
@@ -179,6 +183,7 @@ class _Runner(NamedTuple):
                     self.store_result(result, folder(trial))
                 except Exception as error:
                     self.report_failure(trial, error)
+        return [trial for trial in trials if not fits(trial)]
 
     def run_single(self, trials: list[Trial], executor: Executor) -> None:
         """Run each trial by itself on the executor."""

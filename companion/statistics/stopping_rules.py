@@ -39,9 +39,9 @@ class StoppingRule(NamedTuple):
 
 
 #: Rules by name. The paper stops once the test loss 'started increasing indicating
-#: overfitting': first rise is the strictest reading, which noise can end. The loss
-#: is smoothed as in the released code. A
-#: rule that counts iterations of the released code counts 128 samples as one.
+#: overfitting': first rise is the strictest reading, which noise can end. The loss is
+#: smoothed as in the released code. A rule that counts iterations of the released code
+#: counts 128 samples as one.
 RULES: dict[str, StoppingRule] = {
     "first rise": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
     "patience": StoppingRule(patience=150_000),
