@@ -26,23 +26,23 @@ _BODIES: dict[str, dict[str, Any]] = {
     "left and right": {"actions": (("left", "1"), ("right", "1"))},
     "planar": {"pose": "planar", "tilt": False, "columns": (*TILT, *TWIST)},
 }
-#: Name of the novice's body -> the body.
+#: Bodies of novices by their names.
 NOVICES: dict[str, Body] = {
     name: Body(name=name, **_ROVER | changes) for name, changes in _BODIES.items()
 }
 
 
-def as_body(drives: Sequence[Drive], body: Body) -> list[Drive]:
+def seen_by(drives: Sequence[Drive], body: Body) -> list[Drive]:
     """Drives of the paper's robots as another body sees them.
 
-    A column of `body` is one of the paper's state or of TILT, the up direction; an
-    action is throttle, steering, or `left` and `right`, their sum and their difference.
-    ConfigError names any other.
+    A column of `body` is a velocity of the paper's state or one of TILT, the up
+    direction; an action is throttle, steering, or `left` and `right`, their sum and
+    their difference. ConfigError names any other.
     """
-    return [drive if body == ROVER else _as_body(drive, body) for drive in drives]
+    return [drive if body == ROVER else _seen_by(drive, body) for drive in drives]
 
 
-def _as_body(drive: Drive, body: Body) -> Drive:
+def _seen_by(drive: Drive, body: Body) -> Drive:
     # here, since benchmark tasks are listed without PyTorch
     import torch
 

@@ -1,4 +1,4 @@
-"""The functions behind the companion's commands.
+"""The functions behind `companion collect`, `run`, `show` and `merge`.
 
 Each function imports what it needs when it runs, so that `--help` is quick. Each
 returns the command's exit status.
@@ -36,6 +36,17 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
         methods=arguments.methods,
         steps=getattr(arguments, "steps", None),  # which `show` does not have
     )
+
+
+def _refuse_choices(arguments: argparse.Namespace) -> None:
+    """Refuse options of a grid of trials for what has no trials."""
+    names = "minutes", "seeds", "methods", "steps", "dask", "bundle", "seconds", "csv"
+    for name in names:
+        if getattr(arguments, name, None):
+            raise ConfigError(
+                f"--{name} is for figures of trials; {arguments.figure} is measured "
+                "as a whole"
+            )
 
 
 def run_collect(arguments: argparse.Namespace) -> int:
@@ -90,6 +101,7 @@ def run_run(arguments: argparse.Namespace) -> int:
     entry = registry.find(arguments.figure)
     study = Study(_preset(arguments))
     if entry is not None:
+        _refuse_choices(arguments)
         folders = Path(arguments.data), Path(arguments.results)
         missing = entry.run(study, arguments.system, arguments.workers, *folders)
         print(f"missing: {missing}")
@@ -113,7 +125,10 @@ def run_run(arguments: argparse.Namespace) -> int:
 
 
 def run_show(arguments: argparse.Namespace) -> int:
-    """Print what is stored of a figure, a line per point; last line 'missing: N'."""
+    """Print what is stored of a figure, a line per point; last line 'missing: N'.
+
+    With --against, print how the losses of two stores differ instead.
+    """
     from companion import Results, Study
     from companion.engine.frame import numbers_and_words
     from companion.statistics.tables import overview
@@ -128,6 +143,7 @@ def run_show(arguments: argparse.Namespace) -> int:
     study = Study(_preset(arguments))
     entry = registry.find(arguments.figure)
     if entry is not None:
+        _refuse_choices(arguments)
         lines, missing = entry.overview(study, arguments.system, folder)
         print("\n".join([*lines, f"missing: {missing}"]))
         return 0

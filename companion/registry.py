@@ -1,8 +1,9 @@
 """What `companion run` and `companion show` know, by the name that `--figure` takes.
 
-- A grid has trials as its results.
-- A study has records. Its module has `jobs`, `measure` and `records`.
-- A measurement has one file. Its module has `make`, which returns what is stored.
+- A grid has trials as its results; its module has `trials`.
+- A study whose results are not trials has records.
+- A measurement has one file. Its module has `make`, which returns what the file stores;
+  that of the explorer writes its arrays itself.
 
 Modules are imported when they are needed, because most import PyTorch.
 """

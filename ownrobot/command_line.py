@@ -70,7 +70,7 @@ def carry_out(
 ) -> int:
     """Run the command that `arguments` name; an error is one line on stderr.
 
-    Each `Notice` is one, too. Returns the exit status, 1 or 2 after an error.
+    Each `Notice` is a line, too. Returns the exit status, 1 or 2 after an error.
     """
     parsed = parser.parse_args(arguments)
     try:

@@ -45,7 +45,7 @@ def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
     return figure, list(axes.flat)
 
 
-#: Decades on a logarithmic axis, at most -> its ticks within each decade.
+#: Fewer decades than this on a logarithmic axis -> its ticks within each decade.
 TICKS: dict[float, tuple[float, ...]] = {
     0.6: (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0),
     1.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),

@@ -8,7 +8,7 @@ import hashlib
 import importlib.metadata
 from pathlib import Path
 
-#: packages whose arithmetic decides numbers
+#: packages with which numbers are computed
 LIBRARIES = ("torch", "numpy", "scipy", "numba", "scikit_learn")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from companion.bodies import as_body
+from companion.bodies import seen_by
 from companion.engine.datasets import is_here
 from companion.trials import Dataset, Trial
 from sidm.body import ROVER, Body
@@ -33,8 +33,9 @@ def dataset_windows(
 ) -> Windows:
     """Windows of a dataset, or of the trajectories `which` of it, as `body` sees them.
 
-    Maps lie in a file beside the shards, which processes share: a step takes 96 bytes
-    of memory, and 2 P^2 bytes of the file.
+    Maps lie in a file beside the shards, which processes share: a step of the paper's
+    robots takes 96 bytes of memory, and 2 P^2 bytes of the file. ShardError says that
+    motion is not there, or that a file is damaged.
     """
     collection = dataset.collection
     terrain = find_system(collection.system).terrain
@@ -50,7 +51,7 @@ def windows_with_file(
 
     The file is written where it is missing. ShardError says that it is damaged.
     """
-    seen, pixels = as_body(drives, body), body.pixels(pixels)
+    seen, pixels = seen_by(drives, body), body.pixels(pixels)
     if not pixels:
         return windows_of(seen, 0)
     kind = ""  # the paper's kind of map has no name
@@ -103,7 +104,7 @@ class Library:
         self._windows: dict[tuple, Windows] = {}
 
     def rollouts(self, trial: Trial) -> list[Drive]:
-        """The drives of the 25-step test; ShardError as in `dataset_windows`."""
+        """The drives of the 25-step test, in the paper's body."""
         dataset = trial.datasets["rollout"]
         if dataset not in self._rollouts:
             drives = load(self.data, dataset.collection, dataset.count)
@@ -122,7 +123,7 @@ class Library:
     def motion(
         self, trial: Trial, kind: str, which: Sequence[int] | None = None
     ) -> Windows:
-        """Windows of a trial's dataset; ShardError as in `dataset_windows`."""
+        """Windows of a trial's dataset; errors as in `dataset_windows`."""
         dataset, pixels = trial.datasets[kind], trial.network.pixels
         body = trial.network.body(dataset.collection.role)
         key = dataset, pixels, body, None if which is None else tuple(which)

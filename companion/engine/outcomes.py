@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from companion.bodies import as_body
+from companion.bodies import seen_by
 from companion.engine.library import Library
 from companion.engine.rows import Outcome
 from companion.trials import Trial
@@ -54,7 +54,7 @@ def roll_out(model: Predictor, trial: Trial, library: Library) -> tuple[Tensor, 
     """
     terrain, body = find_system(trial.system).terrain, trial.network.body("novice")
     heights = library.rollout_heights(trial)
-    drives = as_body(library.rollouts(trial), body)
+    drives = seen_by(library.rollouts(trial), body)
     states = _stacked([drive.states[: ROLLOUT_STEPS + 1] for drive in drives])
     actions = _stacked([drive.actions[:ROLLOUT_STEPS] for drive in drives])
     predicted = rollout(

@@ -70,8 +70,8 @@ def run(
         bundle: how many trials are trained side by side in this process, instead of in
             workers; meant for a GPU. Trials that no bundle can train run afterwards in
             workers.
-        seconds: after which a bundle writes its trials' states and ends; the next call
-            goes on.
+        seconds: after which a bundle writes its trials' states, and this call ends; the
+            next one goes on.
 
     Raises:
         ConfigError: a trial's motion is not on disk, or arguments do not go together.
@@ -114,7 +114,7 @@ def run(
 def _refuse_other_motion(
     trials: Sequence[Trial], data: str | Path, store: Results
 ) -> None:
-    """Refuse trials whose datasets, the novice's pools aside, are not the store's."""
+    """Refuse trials whose whole datasets are not those of the store."""
     whole = [
         dataset
         for dataset, which in motion_of(trials).items()

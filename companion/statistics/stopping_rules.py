@@ -34,14 +34,14 @@ class StoppingRule(NamedTuple):
 
     stopping: Literal["test_loss", "released"] = "test_loss"  # as in `EarlyStopping`
     smoothing: float = 0.5  # weight of the past in the smoothed test loss
-    patience: int | None = None  # samples without a new minimum; None: no limit
+    #: samples without a new minimum; 0: those of one test; None: no limit
+    patience: int | None = None
     max_samples: int | None = None  # None: no limit
 
 
 #: Rules by name. The paper stops once the test loss 'started increasing indicating
-#: overfitting': first rise is the strictest reading, which noise can end. The loss is
-#: smoothed as in the released code. A rule that counts iterations of the released code
-#: counts 128 samples as one.
+#: overfitting': first rise is the strictest reading, with the smoothing of the released
+#: code; noise can end it.
 RULES: dict[str, StoppingRule] = {
     "first rise": StoppingRule(smoothing=RELEASED_SMOOTHING, patience=0),
     "patience": StoppingRule(patience=150_000),
@@ -64,6 +64,7 @@ def kept_weights(curve: Curve, rule: StoppingRule) -> KeptWeights:
     """The weights that a training would have kept if `rule` had stopped it."""
     limits = (rule.patience, rule.max_samples)
     patience, max_samples = (2**62 if limit is None else limit for limit in limits)
+    patience = patience or next(iter(curve.samples), 0)
     stopper = EarlyStopping(rule.stopping, rule.smoothing, patience, max_samples)
 
     def ends(samples: int) -> bool:
@@ -129,11 +130,8 @@ def apply_rule(frame: pd.DataFrame, rule: StoppingRule) -> pd.DataFrame:
     of the kept weights; `seen`, the samples at the last test before the end; `ended`,
     whether the rule ended the training.
     """
-    whole, kept = frame[frame.test_spacing > 0], []
-    for _, row in whole.iterrows():
-        # the smallest patience is one test
-        patience = rule.patience if rule.patience != 0 else int(row.test_spacing)
-        kept.append(kept_weights(stored_curve(row), rule._replace(patience=patience)))
+    whole = frame[frame.test_spacing > 0]
+    kept = [kept_weights(stored_curve(row), rule) for _, row in whole.iterrows()]
     return whole.assign(
         kept_samples=[weights.samples for weights in kept],
         kept_test=[weights.test_loss for weights in kept],

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from companion.bodies import NOVICES, as_body
+from companion.bodies import NOVICES, seen_by
 from ownrobot.body_file import read_body
 from ownrobot.fitting.splits import drives_of_sessions, session_order
 from ownrobot.recordings import read_drives
@@ -148,7 +148,7 @@ def load_task(
     validation = drives_of("novice", task.validation_minutes, VALIDATION_SEED)
     expert = drives_of("expert", task.expert_minutes, EXPERT_SEED)
     _, body = bodies(task)
-    chosen, validation = (as_body(drives, body) for drives in (chosen, validation))
+    chosen, validation = (seen_by(drives, body) for drives in (chosen, validation))
     return TaskData(_own_sessions(chosen), _own_sessions(expert), validation)
 
 

@@ -1,4 +1,4 @@
-"""From drives to tensors: windows of equal length, and the novice's nested split."""
+"""From drives to tensors: windows of equal length."""
 
 from __future__ import annotations
 

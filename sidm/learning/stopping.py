@@ -58,8 +58,9 @@ class EarlyStopping:
     """
 
     rule: Literal["test_loss", "released"]
-    smoothing: float  # weight of the past in the smoothed loss, [0, 1)
-    patience: int  # samples
+    #: weight of the past in the smoothed loss, [0, 1); 0.9 with 'released'
+    smoothing: float
+    patience: int  # samples; not used by 'released'
     max_samples: int
     test_loss: float | None = None  # smoothed
     training_loss: float | None = None  # smoothed

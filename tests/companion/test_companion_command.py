@@ -91,6 +91,8 @@ def test_help_names_every_figure_and_shows_defaults_and_units(capsys):
         ("show --methods sdim", "not in this grid; it has novice_only, pretrain"),
         ("run --preset smoke", "companion collect --preset"),  # no data
         ("run --workers 0", "--workers"),
+        ("run --figure driving --minutes 5", "--minutes is for figures of trials"),
+        ("show --figure gap --csv rows.csv", "--csv is for figures of trials"),
     ],
 )
 def test_arguments_that_cannot_be_used(words, message, capsys, tmp_path):

@@ -1,4 +1,4 @@
-"""The paper's Figure 3 with the paper's recipe, R: loss against novice data.
+"""The paper's Figure 3 with recipe R, as released: loss against novice data.
 
 What the paper says in numbers stands beside it; sizes that it has and we did not run
 are named.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from companion.bodies import NOVICES, as_body
+from companion.bodies import NOVICES, seen_by
 from companion.engine.library import windows_with_file
 from sidm.body import ROVER
 from sidm.config import ConfigError, replace
@@ -70,13 +70,13 @@ def test_a_drive_is_seen_by_another_body():
     states[:, :2], states[:, 5:7] = (1, 2), (np.sin(0.25), np.cos(0.25))
     states[:, 7] = 3
     drive = Drive(states, np.array([[0.5, 0.2]]))
-    seen = {name: as_body([drive], body)[0] for name, body in NOVICES.items()}
+    seen = {name: seen_by([drive], body)[0] for name, body in NOVICES.items()}
     assert seen["planar"].states[0] == pytest.approx([1, 2, 0.5, 0, 0, 1, 3, *[0] * 5])
     assert seen["left and right"].actions[0] == pytest.approx([0.7, 0.3])
     assert seen["no linear velocity"].states[0] == pytest.approx(
         [*states[0, :7], *states[0, 10:]]
     )
-    assert as_body([drive], ROVER) == [drive]
+    assert seen_by([drive], ROVER) == [drive]
     body = replace(NOVICES["planar"], columns=(("yaw_rate", "rad/s"),))
     with pytest.raises(ConfigError, match="yaw_rate"):
-        as_body([drive], body)
+        seen_by([drive], body)
