@@ -32,7 +32,7 @@ from companion.study import Study
 from companion.trials import Trial
 from sidm.systems import FREE_STRUTS, FREE_SYSTEMS, PAPER_SYSTEMS
 
-TUNED, CLOSED_FORM = FIGURE3[-1], "least_squares"
+FINETUNED, CLOSED_FORM = FIGURE3[-1], "least_squares"
 POINT = ["system", "novice_minutes", "method"]
 #: Name -> recipe, pair of robots, stopping rule and min of novice data of an SIDM, and
 #: the recipe of its rival where it is another one.
@@ -125,7 +125,7 @@ class Figure3:
         """Data that methods save with recipe Q, of `statistics.savings`."""
         best_alone = tuning.best_novice_only(self.quick, self.little)
         tuned = savings(pd.concat([self.little, best_alone]), ["sidm" + FOR_LITTLE])
-        usual = savings(self.all_quick, ["sidm", TUNED, CLOSED_FORM])
+        usual = savings(self.all_quick, ["sidm", FINETUNED, CLOSED_FORM])
         return pd.concat([usual, tuned])
 
     def stopping(
@@ -163,11 +163,14 @@ class Figure3:
             name = f"system{number}"
             yield f"{name}-sidm-5", self.saving("sidm", AT, system)
             for minutes in (5, 60):
-                yield f"{name}-tuned-{minutes}", self.saving(TUNED, minutes, system)
+                yield (
+                    f"{name}-finetuned-{minutes}",
+                    self.saving(FINETUNED, minutes, system),
+                )
             yield f"{name}-little", self.saving("sidm" + FOR_LITTLE, 1, system)
             free = system + FREE_STRUTS
             yield f"{name}-free-squares", self.saving(CLOSED_FORM, 1, free)
-            yield f"{name}-free-tuned", self.saving(TUNED, 1, free)
+            yield f"{name}-free-finetuned", self.saving(FINETUNED, 1, free)
 
     def kept(self, page: Page) -> Iterator[tuple[str, Any]]:
         """Name and value of what other pages show; a table follows its numbers."""
@@ -201,7 +204,7 @@ class Figure3:
         units = self.store.frame(search.compare_units(self.long), curves=True)
         yield from unit_numbers(units)
         few = self.long_trained.query("system == 'system1' and novice_minutes == @AT")
-        for method in ("sidm", TUNED):
+        for method in ("sidm", FINETUNED):
             chosen = few[(few.recipe == "T") & (few.method == method)]
             loss = known_text("{:.2f}", chosen.validation_loss.mean())
             yield f"loss-T-{method}", loss

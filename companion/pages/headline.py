@@ -32,8 +32,8 @@ README = tuple(
         "released-saving",
         "released-saving-2",
         "tuned-saving",
-        "system1-tuned-5",
-        "system2-tuned-5",
+        "system1-finetuned-5",
+        "system2-finetuned-5",
     )
 )
 
