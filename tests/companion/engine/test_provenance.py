@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from companion.engine import provenance
-from sidm import versions
+from ownrobot import versions
 
 
 def test_every_library_that_decides_numbers_is_named(monkeypatch):
