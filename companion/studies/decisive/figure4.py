@@ -1,4 +1,4 @@
-"""Figure 4, predicted paths: the paper's recipe R; mean errors as a table."""
+"""Figure 4, predicted paths, with recipe R as released; mean errors as a table."""
 
 from __future__ import annotations
 
