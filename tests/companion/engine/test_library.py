@@ -65,7 +65,7 @@ def test_damaged_maps_are_named(drives, tmp_path, content):
 
 
 def test_a_drive_is_seen_by_another_body():
-    """It stands at 1, 2 with a yaw of 0.5, and rolls forward with 3 m/s."""
+    """The robot stands at 1, 2 with a yaw of 0.5, and rolls forward with 3 m/s."""
     states = np.zeros((2, 13))
     states[:, :2], states[:, 5:7] = (1, 2), (np.sin(0.25), np.cos(0.25))
     states[:, 7] = 3

@@ -36,6 +36,7 @@ def test_the_end_keeps_the_lowest_smoothed_loss():
     [
         ({"patience": 30}, 20, 50),
         ({"patience": 29}, 20, 40),  # over before the test at 50
+        ({"patience": 0}, 20, 30),  # that of one test
         ({"patience": 60}, 70, 70),
         ({"max_samples": 30}, 20, 30),
         ({"max_samples": 39}, 20, 30),
