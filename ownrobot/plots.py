@@ -15,6 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 STYLE = Path(__file__).with_suffix(".mplstyle")
+#: inch, of a figure: on a page of 690 pixels its text is as large as the captions
+WIDTH = 7.2
+HEIGHTS = {1: 4.2, 2: 3.3}  # inch, of a plot, by how many stand side by side
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -38,7 +41,7 @@ def side_by_side(count: int, columns: int = 0) -> tuple[Figure, list[Axes]]:
 
     columns = columns or count
     rows = -(-count // columns)
-    size = (1 + 4.2 * columns, 3.8 * rows)
+    size = WIDTH, HEIGHTS.get(columns, HEIGHTS[2]) * rows
     figure, axes = plt.subplots(
         rows, columns, figsize=size, squeeze=False, layout="constrained"
     )

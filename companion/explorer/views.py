@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import ROLE_STYLES, draw_ground, system_label
-from ownrobot.plots import STYLE
+from ownrobot.plots import STYLE, WIDTH
 from ownrobot.replay.rides import Ride, tilt
 from sidm.drives import POSITION
 
@@ -25,8 +25,8 @@ LINES = tuple(
 PALER = 0.45  # opacity of a robot's second line in a plot
 MARGIN = 1.0  # m of ground shown around the paths
 # Fixed margins: a slider's picture is drawn twice as fast as with automatic layout.
-ROOM = {"left": 0.085, "right": 0.99, "bottom": 0.07, "top": 0.95}
-ROOM |= {"wspace": 0.22, "hspace": 0.28}
+ROOM = {"left": 0.115, "right": 0.99, "bottom": 0.07, "top": 0.95}
+ROOM |= {"wspace": 0.3, "hspace": 0.3}
 STOP: dict[str, Any] = {"lw": 0.8, "color": "0.3", "linestyle": ":", "marker": ""}
 SHAPE = 3.6  # width of the path's plot divided by its height
 PLOTS: Any = [["height", "tilt"], ["front", "rear"], ["path", "path"]]
@@ -40,7 +40,7 @@ def rides_figure(rides: Mapping[str, Ride]) -> Figure:
     """
     with plt.style.context(STYLE):
         figure, plots = plt.subplot_mosaic(
-            PLOTS, figsize=(9.6, 8.0), layout="none", gridspec_kw=ROOM
+            PLOTS, figsize=(WIDTH, 8.0), layout="none", gridspec_kw=ROOM
         )
         for (name, ride), line in zip(rides.items(), LINES, strict=False):
             _draw_ride(plots, system_label(name), ride, line | {"marker": ""})

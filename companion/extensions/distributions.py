@@ -54,7 +54,8 @@ class Gaussian(NamedTuple):
         """One sample of each distribution, (...); the means without a generator."""
         if generator is None:
             return self.mean
-        noise = torch.randn(self.mean.shape, generator=generator, dtype=self.mean.dtype)
+        shape, kind = self.mean.shape, self.mean.dtype
+        noise = torch.randn(shape, generator=generator, dtype=kind)
         return self.mean + self.std * noise.to(self.mean.device)
 
     def nll(self, values: Tensor) -> Tensor:

@@ -82,7 +82,7 @@ class Planner:
         self.foreseen: Tensor | None = None
 
     def plan(self, imagine: Imagination) -> Tensor:
-        """Actions (H, 2) from now on; carry out the first `replan`, then plan again."""
+        """Actions (H, 2) from now on; after the first `replan`, plan again."""
         settings, mean, spread = self.settings, self.mean, self.spread  # (H, 2)
         shape = settings.samples, settings.horizon // settings.hold, ACTION_SIZE
         best, lowest = mean, math.inf

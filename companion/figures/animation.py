@@ -19,6 +19,7 @@ from companion.figures.style import draw_surroundings, legend_below
 from ownrobot.plots import STYLE
 from sidm.drives import CONTROL_STEP
 
+DPI = 110  # few, since every frame has them
 MARGIN = 0.7  # m of ground shown around the paths
 HELD = 1.5  # s, duration of the last frame
 
@@ -39,7 +40,7 @@ def film(
     points = np.concatenate([*paths, *([] if goal is None else [goal[None]])])
     frames = []
     with plt.style.context(STYLE):
-        figure, axes = plt.subplots(figsize=(6.8, 4.6), layout="constrained")
+        figure, axes = plt.subplots(figsize=(6.8, 4.6), dpi=DPI, layout="constrained")
         draw_surroundings(axes, points, heights, MARGIN)
         lines = [axes.plot([], [], marker="", **style)[0] for style in styles]
         heads = [axes.plot([], [], "o", color=style["color"])[0] for style in styles]

@@ -23,8 +23,6 @@ from companion.statistics.pairs import unique_results
 from ownrobot.plots import finish, styled
 from sidm.systems import PAPER_SYSTEMS
 
-MOST_INSIDE = 4  # number of methods whose names have room inside a plot
-
 
 @styled
 def figure3(
@@ -36,11 +34,9 @@ def figure3(
 
     Lines are means over the seeds of each size; shades reach from minimum to maximum. A
     dotted level marks the method `expert_only`, which has no novice data, where its
-    results are in `frame`. The names of more than MOST_INSIDE methods stand below the
-    plots.
+    results are in `frame`.
     """
     figure, plots = system_panels(frame, systems, **LOSS_BY_SIZE)
-    crowded = len(methods) > MOST_INSIDE
     for system, (axes, rows) in zip(systems, plots, strict=True):
         sizes: set[float] = set()
         for method in methods:
@@ -57,9 +53,8 @@ def figure3(
             axes.axhline(expert_only.mean(), **style)
             shade = {"color": style["color"], "alpha": 0.12, "lw": 0}
             axes.axhspan(expert_only.min(), expert_only.max(), **shade)
-        finish(axes, sizes, legend=not crowded)
-    if crowded:
-        legend_below(figure, figure.axes)
+        finish(axes, sizes, legend=False)
+    legend_below(figure, figure.axes)
     return figure
 
 

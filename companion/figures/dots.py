@@ -7,6 +7,7 @@ that they stay readable on a phone.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,14 +19,16 @@ from matplotlib.figure import Figure
 from companion.figures.style import METHOD_STYLES, share_labels
 from ownrobot.plots import finish, side_by_side, styled
 
-WIDTH, ROW, AROUND = 9.4, 0.33, 1.2  # inch: of a figure, for each row, around the rows
+ROW, AROUND = 0.3, 1.2  # inch: for each row, around the rows
+LETTERS = 56  # side by side below all plots
+CLOSEST = 0.075  # two ticks, as a share of the width of all plots
 TICKS = 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0
 ROOM = 1.08  # factor beyond the widest interval
 #: Methods that have their own colour here, too; the others are told by their rows.
 COLOURED = ("sidm", "novice_only", "pretrain_finetune")
 NEUTRAL = "#333333"
 
-NAMED_WIDTH, NAMED_HEIGHT = 5.4, 0.42  # inch: of a plot, of a row with its name above
+NAMED_HEIGHT = 0.42  # inch, of a row with its name above
 HOLLOW = {"markerfacecolor": "white"}
 
 
@@ -44,20 +47,23 @@ def dot_plot(
             `value`, and `low` and `high`, NaN without an interval.
         xlabel: what a ratio is; a line marks the ratio 1.
         panels: titles of the plots, in their order; that of the table by default.
-        ticks: places of the ticks, those in the range of the data.
+        ticks: places of the ticks, those in the range of the data that stand apart.
     """
     names = list(dict.fromkeys(table.panel))
     names = [name for name in panels or names if name in names]
+    side_by = max(1, len(names))
+    xlabel = textwrap.fill(xlabel, LETTERS // side_by)
     lines = _lines(table)
-    drawn, plots = side_by_side(max(1, len(names)))
-    drawn.set_size_inches(WIDTH, AROUND + ROW * max(5, len(lines)))
+    drawn, plots = side_by_side(side_by)
+    drawn.set_figheight(AROUND + ROW * max(5, len(lines)))
     ends = table[["value", "low", "high"]].to_numpy(float)
     if len(ends):
         limits = np.nanmin(ends) / ROOM, np.nanmax(ends) * ROOM
-        ticks = [tick for tick in ticks if limits[0] < tick < limits[1]]
+        ticks = _apart(ticks, limits, CLOSEST * side_by)
     for axes, name in zip(plots, names, strict=False):
         axes.axvline(1.0, color="0.5", linestyle=":", marker="", zorder=0)
-        axes.set(title=name, xscale="log", xlabel=xlabel, xlim=limits)
+        axes.set(title=textwrap.fill(name, LETTERS // side_by))
+        axes.set(xscale="log", xlabel=xlabel, xlim=limits)
         rows = table[table.panel == name]
         heights = [lines.index(line) for line in zip(rows.group, rows.row, strict=True)]
         colours = [
@@ -82,6 +88,23 @@ def dot_plot(
     return drawn
 
 
+def _apart(
+    ticks: Sequence[float], limits: tuple[float, float], least: float
+) -> list[float]:
+    """The ticks within limits with room for their numbers, from that at 1 outwards.
+
+    `least` is the distance of two ticks as a share of the axis.
+    """
+    low, high = np.log(limits)
+    inside = [tick for tick in ticks if limits[0] < tick < limits[1]]
+    kept: list[float] = []
+    for tick in sorted(inside, key=lambda tick: abs(np.log(tick))):
+        distances = [abs(np.log(tick / other)) for other in kept]
+        if not kept or min(distances) >= least * (high - low):
+            kept.append(tick)
+    return sorted(kept)
+
+
 def _lines(table: pd.DataFrame) -> list[tuple[str, str]]:
     """Group and row of each line from above; a heading has no row."""
     lines: list[tuple[str, str]] = []
@@ -99,8 +122,7 @@ def dot_plots(
     A row with its name has a height in inches.
     """
     figure, panels = side_by_side(count)
-    width = NAMED_WIDTH if count == 1 else 3.9 * count
-    figure.set_size_inches(width, 1.2 + height * max(rows, 3))
+    figure.set_figheight(1.2 + height * max(rows, 3))
     return figure, panels
 
 
@@ -112,7 +134,7 @@ def name_rows(axes: Axes, names: Sequence[str], values: Sequence[str] = ()) -> N
     axes.set_ylim(len(names) - 0.55, -0.85)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    plain: dict[str, Any] = {"fontsize": 9.5, "va": "bottom", "zorder": 1}
+    plain: dict[str, Any] = {"fontsize": 10, "va": "bottom", "zorder": 1}
     plain["transform"] = axes.get_yaxis_transform()
     plain["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
     for row, name in enumerate(names):

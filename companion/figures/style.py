@@ -80,7 +80,8 @@ SIZE_STYLES: tuple[dict[str, Any], ...] = (
     _style("#4D4D4D", ":", "D"),
     _style("#666666", (0, (6, 1, 1, 1)), "v"),
 )
-LOSS_LABEL = "validation loss, equation (1)\n(squared m, m/s and rad/s, summed)"
+LOSS_LABEL = "validation loss\n(squared SI units, summed)"
+LINE, MOST_LETTERS = 0.25, 38  # of a legend: inch, and letters for two columns
 #: Axes of a plot of losses against novice data.
 LOSS_BY_SIZE = dict(
     xscale="log", yscale="log", xlabel="novice data (min)", ylabel=LOSS_LABEL
@@ -201,5 +202,8 @@ def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
     """Add one legend for all plots below them, where it covers nothing."""
     drawn = legend_entries(panels)
     if drawn:
-        figure.set_figheight(figure.get_figheight() + 0.25 * -(-len(drawn) // 2))
-        figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=2)
+        columns = 1 if max(map(len, drawn)) > MOST_LETTERS else 2
+        added = LINE * -(-len(drawn) // columns)
+        figure.set_figheight(figure.get_figheight() + added)
+        place: dict[str, Any] = {"loc": "outside lower center", "ncols": columns}
+        figure.legend(drawn.values(), drawn.keys(), **place)

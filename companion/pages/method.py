@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from torch import Tensor, nn
 
-from companion.figures.style import METHOD_STYLES
+from companion.figures.style import LOSS_LABEL, METHOD_STYLES
 from companion.pages.markdown import markdown_table, table_markdown
 from companion.statistics.tables import COMPONENTS
-from ownrobot.plots import styled
+from ownrobot.plots import WIDTH, styled
 from sidm import rotations
 from sidm.body import ROVER
 from sidm.drives import CONTROL_STEP, POSITION, QUATERNION, STEPS
@@ -41,7 +41,7 @@ from sidm.settings import Network
 from sidm.systems import GRID_SPACING, System
 from sidm.terrain import generate_terrain, height_at
 
-SAMPLES = "samples seen (1,000 control steps)"
+SAMPLES = "samples seen (1,000 steps)"
 CANNOT_TELL = 0.5  # accuracy of a discriminator that the latents tell nothing
 SPEED, TURN = 1.0, 0.5  # m/s and rad/s, of a drive in a circle
 
@@ -50,12 +50,12 @@ SPEED, TURN = 1.0, 0.5  # m/s and rad/s, of a drive in a circle
 def training_figure(trained: Mapping[str, Trained]) -> Figure:
     """Losses of trainings, one of them `sidm`, and the discriminator's accuracy."""
     figure, (left, right) = plt.subplots(
-        1, 2, figsize=(8.2, 4.4), layout="constrained", width_ratios=(5, 4)
+        1, 2, figsize=(WIDTH, 4.0), layout="constrained", width_ratios=(5, 4)
     )
     for method, run in trained.items():
         _draw_losses(left, METHOD_STYLES[method], run)
     left.set(xlabel=SAMPLES, ylim=0, title="loss on training and test data")
-    left.set_ylabel("loss, equation (1)\n(raw units squared, summed)")
+    left.set_ylabel(LOSS_LABEL)
     tests = [t for t in trained["sidm"].history if t.discriminator_accuracy is not None]
     accuracy = [test.discriminator_accuracy for test in tests]
     colour = METHOD_STYLES["sidm"]["color"]
@@ -72,7 +72,7 @@ def training_figure(trained: Mapping[str, Trained]) -> Figure:
     right.set(xlabel=SAMPLES, ylim=(0, 1.05), xlim=left.get_xlim())
     right.set(ylabel="discriminator's accuracy (-)", title="are the robots told apart?")
     lines = left.get_legend_handles_labels()
-    figure.legend(*lines, loc="outside lower center", ncols=4)
+    figure.legend(*lines, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -129,7 +129,9 @@ def map_figure(pair: System, terrain_seed: int, step: int, pixels: int) -> Figur
     """
     heights = generate_terrain(pair.terrain, terrain_seed)
     states = circle(heights)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8.2, 3.7), layout="constrained")
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(WIDTH, 3.4), layout="constrained"
+    )
     state, reach = states[step], ROVER.map_size / 2
     half = (len(heights) - 1) * GRID_SPACING / 2
     corners = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]]

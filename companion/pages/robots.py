@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from companion.figures.style import system_label
 from companion.pages.markdown import markdown_table
+from ownrobot.plots import WIDTH, styled
 from ownrobot.replay.rides import Ride, find_robot, tilt
 from sidm.systems import ROLES, Robot, System
 from sidm.terrain import generate_terrain
@@ -44,13 +45,14 @@ SOFTER = 500  # times softer is the soft spring
 COLOURS = "#1A1A1A", "#7A7A7A"
 
 
+@styled
 def robots_figure(
     pairs: Sequence[System], terrain_seed: int, throttle: float, steps: int
 ) -> Figure:
     """Pictures of both robots of each pair after a short drive on their own ground."""
     from sidm.simulation import Simulator  # PyBullet, which the rest does without
 
-    figure = plt.figure(figsize=(9.6, 3.5 * len(pairs)), layout="constrained")
+    figure = plt.figure(figsize=(WIDTH, 2.8 * len(pairs)), layout="constrained")
     panels = iter(figure.subplots(len(pairs), 2).flat)
     for pair in pairs:
         heights = generate_terrain(pair.terrain, terrain_seed)
@@ -63,10 +65,9 @@ def robots_figure(
                 panel.imshow(simulator.picture(distance=1.2))
             name = f"{system_label(pair.name)}, {role}"
             title = f"{name}: springs of {robot.spring:,.0f} N/m"
-            panel.set(xticks=[], yticks=[])
+            panel.axis("off")
             panel.set_title(title, color="0.46")  # is read on white and on black
     figure.set_facecolor("none")
-    plt.close(figure)
     return figure
 
 
@@ -87,10 +88,11 @@ def robots_table(pairs: Sequence[System]) -> str:
     return markdown_table(["", *robots], rows)
 
 
+@styled
 def grounds_figure(pairs: Sequence[System], terrain_seed: int) -> Figure:
     """The ground of each pair from above, in one scale of colours."""
     grounds = [generate_terrain(pair.terrain, terrain_seed) for pair in pairs]
-    figure = plt.figure(figsize=(4.8 * len(pairs), 4.2), layout="constrained")
+    figure = plt.figure(figsize=(WIDTH, 3.5), layout="constrained")
     axes = figure.subplots(1, len(pairs), squeeze=False)[0]
     highest = max(float(heights.max()) for heights in grounds)
     for panel, pair, heights in zip(axes, pairs, grounds, strict=True):
@@ -106,7 +108,6 @@ def grounds_figure(pairs: Sequence[System], terrain_seed: int) -> Figure:
         panel.grid(False)
         panel.set(title=system_label(pair.name), xlabel="x (m)", ylabel="y (m)")
     figure.colorbar(picture, ax=list(axes), label="height (m)", shrink=0.8)
-    plt.close(figure)
     return figure
 
 
@@ -191,6 +192,7 @@ def rear_travel(rides: Sequence[Ride]) -> float:
     return 1e3 * max(np.ptp(ride.struts[:, :2], axis=0).max() for ride in rides)
 
 
+@styled
 def changes_figure(
     rides: Mapping[str, Sequence[Ride]], unchanged: Sequence[Ride], robots: int
 ) -> Figure:
@@ -199,7 +201,7 @@ def changes_figure(
     `rides` has, by change in words, the changed robot's ride on each ground,
     `unchanged` the robot's. The first `robots` changes are to more than the suspension.
     """
-    size = 9.6, 0.9 + 0.5 * len(rides)
+    size = WIDTH, 1.0 + 0.45 * len(rides)
     figure, axes = plt.subplots(1, 2, figsize=size, sharey=True, layout="constrained")
     dots: dict[str, Any] = {"linestyle": "", "marker": "o", "alpha": 0.5}
     bar: dict[str, Any] = {"linestyle": "", "marker": "|", "markersize": 22}
@@ -213,7 +215,6 @@ def changes_figure(
         panel.xaxis.set_major_formatter("{x:g}")
     axes[0].set_xlabel("distance between the ends (m)")
     axes[0].set_title(f"position after {unchanged[0].times[-1]:g} s")
-    axes[1].set_xlabel("root mean square difference (degrees)")
+    axes[1].set_xlabel("RMS difference (degrees)")
     axes[1].set_title("tilt on the way: pitch and roll")
-    plt.close(figure)
     return figure

@@ -254,7 +254,6 @@ def figure(
     """
     names = list(tables)
     figure, panels = side_by_side(len(systems) * len(names), len(names))
-    figure.set_size_inches(10.4, 3.3 * len(systems))
     for number, axes in enumerate(panels):
         row, column = divmod(number, len(names))
         system, name = systems[row], names[column]

@@ -58,7 +58,7 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figur
                 if row.high < 1 or row.low > 1:
                     x, y = sizes.index(minutes), NAMES.index(component)
                     text = f"{row.ratio:.2f}"
-                    axes.text(x, y, text, ha="center", va="center", fontsize=7)
+                    axes.text(x, y, text, ha="center", va="center", fontsize=9)
             axes.set_xticks(range(len(sizes)), [f"{minutes:g}" for minutes in sizes])
         axes.set(title=system_label(system), xlabel="novice data (min)")
         axes.grid(False)

@@ -57,7 +57,8 @@ def losses_figure(comparison: Comparison) -> Figure:
         curves.plot(rows.minutes, rows.loss, label=method)
     curves.set(xscale="log", yscale="log")
     curves.set(xlabel="motion learnt from (min)", ylabel="loss", title="learning curve")
-    finish(curves, minutes=np.round(curve.minutes.unique(), 2))
+    finish(curves, minutes=np.round(curve.minutes.unique(), 2), legend=False)
+    figure.legend(loc="outside lower center", ncols=3)
     return figure
 
 

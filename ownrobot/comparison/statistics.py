@@ -29,11 +29,16 @@ class Interval(NamedTuple):
     def text(self, digits: int) -> str:
         """The value, and the ends of the interval in brackets where they are known.
 
-        They have so many significant digits; there are no powers of ten.
+        They have so many significant digits, without powers of ten. Of an interval that
+        includes 0, its end farther from 0 has them; the others have as many decimals.
         """
-        value, low, high = (significant(number, digits) for number in self)
-        known = np.isfinite([self.low, self.high]).all()
-        return f"{value} ({low} to {high})" if known else value
+        known = bool(np.isfinite([self.low, self.high]).all())
+        if known and self.low < 0 < self.high:
+            decimals = _decimals(max(abs(self.low), abs(self.high)), digits)
+            texts = [_decimal(number, decimals) for number in self]
+        else:
+            texts = [significant(number, digits) for number in self]
+        return "{} ({} to {})".format(*texts) if known else texts[0]
 
     def side(self, value: float) -> int:
         """1 if the whole interval lies above a value, -1 if below, otherwise 0."""
@@ -45,11 +50,21 @@ def significant(number: float, digits: int) -> str:
 
     There are no powers of ten: from 10 ** digits on it is a whole number.
     """
-    rounded = float(f"{number:.{digits}g}")
-    if rounded == 0 or not np.isfinite(rounded):
-        return f"{rounded:g}"
-    decimals = digits - 1 - math.floor(math.log10(abs(rounded)))
-    return f"{rounded:.{max(decimals, 0)}f}"
+    if number == 0 or not np.isfinite(number):
+        return f"{number:g}"
+    return _decimal(number, _decimals(number, digits))
+
+
+def _decimals(number: float, digits: int) -> int:
+    """Decimals with which a number has so many significant digits."""
+    rounded = abs(float(f"{number:.{digits}g}"))
+    return digits - 1 - math.floor(math.log10(rounded))
+
+
+def _decimal(number: float, decimals: int) -> str:
+    """A number with so many decimals, and with a minus sign, not a hyphen."""
+    text = f"{round(number, decimals):.{max(decimals, 0)}f}"
+    return text.replace("-", "" if float(text) == 0 else "\N{MINUS SIGN}")
 
 
 def mean_interval(values: np.ndarray, shared: float = 0.0) -> Interval:

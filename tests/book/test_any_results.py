@@ -92,7 +92,8 @@ def test_the_page_on_extending_works_to_the_letter(project, tmp_path):
     source.unlink()  # a link to the project's
     source.write_text(text.replace(paper, f"{code}\n{paper}"), encoding="utf-8")
     section = PAGE[PAGE.index("## Add a system") : PAGE.index("## Add a method")]
-    commands = re.findall(r"^companion .*", section, re.MULTILINE)
+    whole_lines = section.replace("\\\n", "")
+    commands = re.findall(r"^companion .*", whole_lines, re.MULTILINE)
     assert len(commands) == 7
     own = "-p systems [soft] -p preset smoke -p results _build/soft"
     for name in ("p-expert-and-phases", "latent-space", "choices"):

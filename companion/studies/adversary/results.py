@@ -24,7 +24,7 @@ STRENGTHS = {
 }
 #: Way of matching -> what its strength is.
 AXIS_LABELS = {
-    "adversary": "discriminator / matching iterations a phase",
+    "adversary": "discriminator / matching iterations",
     "reversal": "weight of the reversed gradient",
 }
 CHANCE = 0.5
@@ -84,7 +84,7 @@ def figure(table: pd.DataFrame) -> Figure:
         right.set(ylabel="latents told apart by", ylim=(CHANCE - 0.05, 1.02))
         for axes in (left, right):
             axes.set_title(f"{system_label(system)}, 5 min of novice data")
-            axes.set_xticks(places, means.strength)
+            axes.set_xticks(places, means.strength.str.replace("/ ", "/\n"))
             axes.set_xlabel(AXIS_LABELS[way])
             finish(axes, legend=axes is right)
     for axes in panels[2 * len(groups) :]:

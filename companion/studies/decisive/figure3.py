@@ -86,6 +86,8 @@ def figure(losses: pd.DataFrame, systems: Sequence[str] = tuple(SIZES)) -> Figur
         if system in MEET:
             _mark(axes, system, shown)
         finish(axes, sizes, legend=False)
+        named = (*ours, MEET.get(system))
+        axes.set_xticks(sizes, [f"{s:g}" if s in named else "" for s in sizes])
         lacking = [f"{size:g}" for size in sizes if size not in ours]
         if lacking:
             axes.annotate(

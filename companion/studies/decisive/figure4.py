@@ -60,10 +60,10 @@ def figure(rows: pd.DataFrame, drive: int | None = None, seed: int = 0) -> Figur
     plots = zip(panels[::2], panels[1::2], PAPER_SYSTEMS, strict=True)
     for left, right, system in plots:
         shown = rows[rows.system == system]
-        left.set(xlabel="time (s)", ylabel="distance from the actual position (m)")
+        left.set(xlabel="time (s)", ylabel="distance from the truth (m)")
         left.set_title(f"{system_label(system)}: all test drives")
         right.set(xlabel="x (m)", ylabel="y (m)")
-        right.set_title(f"{system_label(system)}: one of them from above")
+        right.set_title(f"{system_label(system)}: one of them")
         if len(shown):
             _draw_deviations(left, shown)
             number = median_drive(shown) if drive is None else drive

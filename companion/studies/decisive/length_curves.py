@@ -159,18 +159,18 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figur
     """
     figure, panels = side_by_side(2 * len(systems), 2)
     ylabels = {
-        "data": "data without SIDM / with SIDM, same loss",
-        "loss": "loss with SIDM / without SIDM",
+        "data": "data without / with SIDM",
+        "loss": "loss with / without SIDM",
     }
     shown = [(system, quantity) for system in systems for quantity in ylabels]
     for axes, (system, quantity) in zip(panels, shown, strict=True):
         axes.set(
             xscale="log",
             yscale="log",
-            xlabel="samples seen by each (control steps)",
+            xlabel="samples seen by each",
             ylabel=ylabels[quantity],
         )
-        axes.set_title(f"{system_label(system)}, {AT:g} min of novice data")
+        axes.set_title(f"{system_label(system)}, {AT:g} min")
         rows = table[(table.system == system) & (table.quantity == quantity)]
         rows = rows[rows.minutes == AT]
         for recipe, ratios in rows.groupby("recipe", sort=False):

@@ -214,7 +214,8 @@ def figure(table: pd.DataFrame, systems: Sequence[str] = PAPER_SYSTEMS) -> Figur
         for (method, likelihood), group in groups:
             style = _style(method, bool(likelihood))
             axes.plot(group.novice_minutes, group.loss, **style)
-        finish(axes, shown.novice_minutes)
+        finish(axes, shown.novice_minutes, legend=False)
+    legend_below(figure, figure.axes)
     return figure
 
 
@@ -227,7 +228,7 @@ def coverage_figure(
     The models have one size of novice data, in minutes.
     """
     axis: dict[str, Any] = dict(
-        xlabel="time (s)", ylabel="share of cases within the interval (-)", ylim=(0, 1)
+        xlabel="time (s)", ylabel="share within the interval (-)", ylim=(0, 1)
     )
     rows = of_trials(frame)
     rows = rows[rows.novice_minutes == minutes]

@@ -13,6 +13,7 @@ from ownrobot.comparison import run, store
 from ownrobot.comparison.plan import Fit, drives_of, plan_for
 from ownrobot.comparison.result import Comparison, FitResult
 from ownrobot.comparison.statistics import (
+    Interval,
     resampled_loss,
     resampled_mean,
     resampled_ratio,
@@ -122,6 +123,22 @@ def test_an_interval_knows_that_folds_share_data():
     paired = resampled_ratio(1.5 * zeros, zeros, folds=4)
     assert paired == pytest.approx((1.5, 1.5, 1.5))
     assert resampled_mean(np.array([2.0]), 4).text(3) == "2.00"
+
+
+@pytest.mark.parametrize(
+    ("ends", "text"),
+    [
+        ((8.64, 3.6, 21.2), "8.6 (3.6 to 21)"),
+        ((124, 99.6, 1234), "120 (100 to 1200)"),
+        ((-0.464, -0.817, -0.0031), "−0.46 (−0.82 to −0.0031)"),
+        ((-0.277, -0.557, 0.0031), "−0.28 (−0.56 to 0.00)"),  # no finer than its reach
+        ((-0.004, -0.11, 0.14), "0.00 (−0.11 to 0.14)"),
+        ((0.0, 0.0, 0.0), "0 (0 to 0)"),
+        ((0.5, np.nan, np.nan), "0.50"),
+    ],
+)
+def test_an_interval_is_as_precise_as_it_is_known(ends, text):
+    assert str(Interval(*ends)) == text
 
 
 NOISE = 0.02 * np.random.default_rng(0).standard_normal((3, 2, 8))
