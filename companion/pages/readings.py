@@ -53,9 +53,9 @@ def _readings(
     return named.reindex(columns=COLUMNS)
 
 
-def _with_texts(rows: pd.DataFrame, quantity: str) -> pd.DataFrame:
+def _with_texts(rows: pd.DataFrame, quantity: str, digits: int) -> pd.DataFrame:
     """Rows with `value`, `low` and `high` of a ratio, which get the text `ours`."""
-    texts = interval_texts(rows[["value", "low", "high"]], 2)
+    texts = interval_texts(rows[["value", "low", "high"]], digits)
     return rows.assign(ours=[f"{quantity} {text} ×" for text in texts])
 
 
@@ -76,12 +76,12 @@ def savings(figure3: pd.DataFrame, decisive: pd.DataFrame) -> Iterator[pd.DataFr
     judged = judged.dropna(subset="value").rename(columns={"verdict": "name"})
     judged = judged.rename(columns={"says": "verdict"})
     for name, reading in (("R1", AS_RELEASED), ("T2", AT_ITS_BEST)):
-        rows = _with_texts(judged[judged.name == name], "data")
+        rows = _with_texts(judged[judged.name == name], "data", 2)
         yield _readings(SAVED, reading, rows, True)
     for system in PAPER_SYSTEMS:
         claimed = claims.data_saving_claim(figure3, system)
-        yield _readings(SAVED, EARLY, _with_texts(claimed, "data"))
-    small = _with_texts(judged[judged.name == "S"], "loss")
+        yield _readings(SAVED, EARLY, _with_texts(claimed, "data", 2))
+    small = _with_texts(judged[judged.name == "S"], "loss", 3)
     small = small.sort_values("minutes", ascending=False, kind="stable")
     for (minutes, recipe), rows in small.groupby(["minutes", "recipe"], sort=False):
         reading = f"{TRAINED[recipe]}, {minutes:g} min"

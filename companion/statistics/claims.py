@@ -81,7 +81,7 @@ def claim_rows(
         claim=claim,
         paper=paper,
         value=table[name],
-        ours=[f"{estimate} {unit}".rstrip() for estimate in estimates],
+        ours=[f"{estimate.text(3)} {unit}".rstrip() for estimate in estimates],
         verdict=[verdict(estimate, none, above=above) for estimate in estimates],
     )
     return rows[list(COLUMNS)]

@@ -130,8 +130,8 @@ def test_a_size_is_held_against_the_best_alone(made_up):
 @pytest.mark.parametrize(
     ("factor", "seeds", "ours", "verdict"),
     [
-        (4, 3, "2.0 (2.0 to 2.0)", "Contrary"),
-        (1, 2, "0.50", "No verdict"),
+        (4, 3, "2.00 (2.00 to 2.00)", "Contrary"),
+        (1, 2, "0.500", "No verdict"),
     ],
 )
 def test_the_hope_can_come_true_and_be_disappointed(

@@ -110,7 +110,7 @@ def test_the_claims_are_of_most_experts_and_one(made_up, jobs, make_row):
     rows = claims(table(made_up), joint)
     assert rows.verdict.tolist() == ["In the same direction"] * 6 + ["Contrary"] * 2
     assert rows.claim[1].startswith("loss after 2 experts / after 1 of the family")
-    assert rows.ours[1] == "0.50 (0.50 to 0.50)"
+    assert rows.ours[1] == "0.500 (0.500 to 0.500)"
     assert rows.ours[7] == "6.67 (6.67 to 6.67)"
     assert len(claims(table(made_up), joint[:0])) == 6
     assert not len(claims(table(made_up[:1]), joint))
