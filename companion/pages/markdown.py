@@ -149,7 +149,7 @@ def stored_line(store: Results, trials: Sequence[Trial], *commands: str) -> str:
     """How many trials are stored, and the commands that run the missing ones."""
     missing = store.missing(trials)
     if not missing:
-        return f"All {len(trials)} trials are stored."
+        return f"All {len(trials)} trials that this notebook can run are stored."
     counts = dict.fromkeys((trial.system for trial in trials), 0)
     for trial in missing:
         counts[trial.system] += 1

@@ -124,7 +124,7 @@ def pretraining(
     parts = []
     for minutes in (LITTLE, 1.0):
         means = _mean_over_bodies(bodies[bodies.novice_minutes == minutes])
-        reading = f"SIDM alone copied, five other bodies, {minutes:g} min"
+        reading = f"core alone copied, five other bodies, {minutes:g} min"
         parts.append((means, "core_finetune", reading))
     parts.append((few, "pretrain_finetune", "all parts copied (held struts)"))
     kept = "SIDM kept, encoder and decoder trained further"

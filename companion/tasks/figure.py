@@ -66,7 +66,7 @@ def task_groups(minutes: float) -> dict[str, list[str]]:
     return {
         f"held struts, {minutes:g} min": task_names("held", [minutes]),
         f"free struts, {minutes:g} min": task_names("free", [minutes]),
-        "two recorded robots": task_names("quick"),
+        "two real robots": task_names("quick"),
     }
 
 

@@ -18,7 +18,7 @@ from sidm.storage import write_atomically
 
 #: Groups of tasks as the page calls them.
 TITLES = {
-    "quick": "recorded robots",
+    "quick": "real robots",
     "held": "struts held by motors",
     "free": "free struts",
     "family": "robots of the family",

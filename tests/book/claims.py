@@ -263,11 +263,11 @@ def free_finetuning_small(book: Book) -> bool:
 
 @claim(
     RIVALS_PAGE,
-    "on two recorded robots no method is clearly better than least squares",
+    "on two real robots no method is clearly better than least squares",
 )
 @claim(FIRST_PAGE, "no method clearly beat [least squares]")
 def recorded_unbeaten(book: Book) -> bool:
-    """No method surely beats least squares on the two recorded robots."""
+    """No method surely beats least squares on the two real robots."""
     tasks = {"recorded": [task.name for task in GROUPS["quick"]]}
     scores = scores_by_group(book.benchmark, tasks).recorded.dropna()
     return len(scores) > 10 and not any(score.high < 1 for score in scores)
@@ -337,7 +337,7 @@ def joint_training(book: Book) -> bool:
 
 @claim(
     "notebooks/05-p-expert-and-phases.ipynb",
-    "We see no gain from $p_e$ on system 1, nor from matching on system 2",
+    "We see no gain from $p_e$ on system 1, and matching on system 2 has too few seeds",
 )
 def balance(book: Book) -> bool:
     """p_e of 0.9 on system 2 and 100 iterations on system 1, not the other way."""
@@ -355,7 +355,7 @@ def balance(book: Book) -> bool:
 
 @claim(
     "notebooks/06-figure4.ipynb",
-    "more data and fine-tuning bring paths nearer; an SIDM is not seen to",
+    "more data and fine-tuning bring paths nearer; for an SIDM we see no such effect",
 )
 def short_paths(book: Book) -> bool:
     """Figure 4 stopped early: not seen at both sizes."""

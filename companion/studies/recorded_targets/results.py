@@ -215,7 +215,7 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
             "loss with SIDM / without, recorded novice, "
             f"simulated {proxy}, {minutes} min"
         )
-    return claim_rows(sidm, names, "less data needed (section 6)")
+    return claim_rows(sidm, names, "planned (section 6)")
 
 
 def sidm_ratios(table: pd.DataFrame, proxy: Proxy = "expert") -> dict[str, str]:
