@@ -12,7 +12,7 @@ from sidm.config import ConfigError
 
 CLOSE = 0.02  # of an error: a tree may split elsewhere after another rounding
 TASKS_HELP = (
-    "a task's name; 'quick' (recorded robots), 'held', 'free', 'family' or 'bodies' "
+    "a task's name; 'quick' (real robots), 'held', 'free', 'family' or 'bodies' "
     "(simulated robots); or 'all' (%(default)s)"
 )
 

@@ -400,7 +400,7 @@ def not_invariant(book: Book) -> bool:
 
 @claim(
     RIVALS_PAGE,
-    "at all four amounts of data on both systems, and every 95 % interval",
+    "with all four amounts on both systems, and every 95 % interval",
 )
 def halved(book: Book) -> bool:
     """Corrected, with half the data, below the SIDM and fine-tuning at all sizes."""

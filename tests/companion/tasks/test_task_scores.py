@@ -182,11 +182,11 @@ def test_the_page_holds_every_row(frame, tmp_path):
 
 
 def test_the_figure_has_a_plot_for_each_group_and_a_number_for_each_dot():
-    groups = ["held struts, 5 min", "two recorded robots"]
+    groups = ["held struts, 5 min", "two real robots"]
     scores = pd.DataFrame(None, index=["sidm", "trees"], columns=groups, dtype=object)
     scores.at["sidm", "held struts, 5 min"] = Interval(1.23, 1.1, 1.3)
     scores.at["trees", "held struts, 5 min"] = Interval(0.9, 0.8, 1.0)
-    scores.at["trees", "two recorded robots"] = Interval(1.0, 0.8, 1.2)
+    scores.at["trees", "two real robots"] = Interval(1.0, 0.8, 1.2)
     drawn = figure(scores, ["sidm", "trees", "gp"])
     assert [axes.get_title(loc="left") for axes in drawn.axes] == groups
     labels = [label.get_text() for label in drawn.axes[0].get_yticklabels()]
