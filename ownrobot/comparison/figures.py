@@ -9,7 +9,7 @@ import numpy as np
 
 from ownrobot.comparison.plan import TRIVIAL
 from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP
-from ownrobot.plots import finish, side_by_side, styled
+from ownrobot.plots import WIDTH, finish, side_by_side, styled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,6 +123,8 @@ def errors_figure(table: pd.DataFrame) -> Figure:
     ahead = table[table.prediction == OPEN_LOOP]
     open_loop = ahead[ahead.quantity.isin(("position", "heading"))]
     figure, panels = side_by_side(3 if len(open_loop) else 1)
+    if len(open_loop):
+        figure.set_figwidth(2 * WIDTH)  # a file of its own, wider than a page
     mean = components["mean"].clip(lower=SMALLEST)
     names = components.quantity
     panels[0].barh(names, components.rmse / mean, label="model")

@@ -39,7 +39,10 @@ def test_what_is_missing_is_counted_by_system_with_the_command_that_runs_it(
     )
     for trial in trials[6:]:
         store.put(make_row(trial))
-    assert stored_line(store, trials, "run it") == "All 9 trials that this notebook can run are stored."
+    assert (
+        stored_line(store, trials, "run it")
+        == "All 9 trials that this notebook can run are stored."
+    )
 
 
 def test_pairs_of_robots_have_names_in_words():
