@@ -40,7 +40,7 @@ def film(
     points = np.concatenate([*paths, *([] if goal is None else [goal[None]])])
     frames = []
     with plt.style.context(STYLE):
-        figure, axes = plt.subplots(figsize=(6.8, 4.6), dpi=DPI, layout="constrained")
+        figure, axes = plt.subplots(figsize=(4.8, 4.4), dpi=DPI, layout="constrained")
         draw_surroundings(axes, points, heights, MARGIN)
         lines = [axes.plot([], [], marker="", **style)[0] for style in styles]
         heads = [axes.plot([], [], "o", color=style["color"])[0] for style in styles]

@@ -76,6 +76,12 @@ def table(store: Results) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
+def by_recipe(shown: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Rows of `table` by the letter of their recipe; of two recipes the latter."""
+    letter = shown.Settings.str.extract(r".*\((\w)\)", expand=False)
+    return {recipe: shown[letter == recipe] for recipe in RECIPE_LABELS}
+
+
 def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataFrame]]:
     """Settings in words and their savings, of trainings that stop early."""
     trials = [t for system in PAPER_SYSTEMS for t in study.figure3(system)]

@@ -63,12 +63,16 @@ def test_what_lacks_results_is_not_run(tmp_path, make_row, count):
     assert not len(readings.page_table(readings.readings(store)))
     table = all_savings.table(store)
     assert not len(table) and list(table.columns) == all_savings.COLUMNS
+    assert list(map(len, all_savings.by_recipe(table).values())) == [0, 0, 0]
 
 
 def test_the_table_of_all_savings_has_the_verdicts_and_the_claims(store, decisive):
     table = all_savings.table(store)
     assert not table.duplicated(["Settings", "Stopped by", "Pair"]).any()
     assert table.notna().all(axis=None)
+    parts = pd.concat(all_savings.by_recipe(table), names=["recipe"])
+    assert set(parts.index.get_level_values("recipe")) == {"R", "T", "Q"}
+    pd.testing.assert_frame_equal(parts.droplevel(0).sort_index(), table)
     judged = verdicts.data_ratios(decisive).query("method == 'sidm' and value == value")
     shown = table[table["Stopped by"].isin([verdicts.RELEASED, verdicts.END])]
     shown = shown[shown.Settings != all_savings.MIXED]
@@ -108,7 +112,7 @@ def test_pretraining_has_three_readings(tuned, kept, core, verdict):
     rows = pd.concat(readings.pretraining(baselines, bodies))
     assert rows.verdict.tolist() == [verdict] * 4
     assert rows.reading.is_unique
-    narrow = rows.reading.str.startswith("SIDM alone")
+    narrow = rows.reading.str.startswith("core alone")
     assert narrow.tolist() == [True, True, False, False]
 
 
