@@ -21,7 +21,6 @@ from companion.statistics.stopping_rules import RULES
 from companion.studies import tuning
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.length_curves import RECIPE_LABELS
-from companion.studies.decisive.recipes import on_fresh_motion
 from companion.study import Study
 from sidm.systems import FREE_STRUTS, PAPER_SYSTEMS
 
@@ -45,7 +44,7 @@ SETTINGS = {
 }
 QUICK = RECIPE_LABELS["Q"]
 OWN = "patience"  # stopping rule
-COLUMNS = ["Settings", "Stopped by", "Expert (h)", "Pair"]
+COLUMNS = ["Settings", "Stopped by", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
 
 
@@ -55,16 +54,14 @@ def table(store: Results) -> pd.DataFrame:
     Rows of the decisive experiment are of what has been run.
     """
     study = Study(PRESET)
-    hours = f"{study.preset.expert_minutes / 60:g}"
     rows: list[tuple] = []
     for settings, ratios in _stopped_early(study, store):
         ratios = ratios.assign(text=savings.ratio_texts(ratios))
         for system, found in ratios.groupby("system", sort=False):
             by_size = found.set_index("novice_minutes").text
             texts = [by_size.get(size, "-") for size in SIZES]
-            rows.append((settings, OWN, hours, system_label(str(system)), *texts))
+            rows.append((settings, OWN, system_label(str(system)), *texts))
     frame = verdicts.results(study, store)
-    hours = f"{on_fresh_motion(study).preset.expert_minutes / 60:.0f}"
     for (recipe, rival, rules), settings in SETTINGS.items():
         for rule, system in itertools.product(rules, PAPER_SYSTEMS):
             texts = [
@@ -72,14 +69,21 @@ def table(store: Results) -> pd.DataFrame:
                 for size in SIZES
             ]
             if set(texts) != {savings.NO_VALUE}:
-                rows.append((settings, rule, hours, system_label(system), *texts))
+                rows.append((settings, rule, system_label(system), *texts))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def by_recipe(shown: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Rows of `table` by the letter of their recipe; of two recipes the latter."""
+    """Rows of `table` by the letter of their recipe; of two recipes the latter.
+
+    Settings that are the same in all rows are left out.
+    """
     letter = shown.Settings.str.extract(r".*\((\w)\)", expand=False)
-    return {recipe: shown[letter == recipe] for recipe in RECIPE_LABELS}
+    parts = {recipe: shown[letter == recipe] for recipe in RECIPE_LABELS}
+    return {
+        recipe: rows if rows.Settings.nunique() > 1 else rows.drop(columns="Settings")
+        for recipe, rows in parts.items()
+    }
 
 
 def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataFrame]]:
