@@ -197,10 +197,10 @@ class Figure3:
         made = provenance_html(drawn, quick, long)
         yield "saving-dots", HTML(html_plots(dots, all_savings.WORDS) + made)
         others = page.again("little-data"), page.again("free-struts")
+        made_by = {"Q": (self.all_quick, quick, *others)}
         for recipe, rows in all_savings.by_recipe(saved).items():
-            yield f"savings-{recipe}", HTML(table_html(rows))
-        trials = provenance_html(drawn, quick, *others, long)
-        yield "savings-trials", HTML(trials)
+            trained = made_by.get(recipe, (self.long_trained, long))
+            yield f"savings-{recipe}", table(rows, *trained)
         yield "coverage", HTML(table_html(coverage.page_table()))
         yield "estimators", HTML(table_html(coverage.estimators_page_table()))
         yield from long_numbers(self.long_trained)
