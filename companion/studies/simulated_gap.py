@@ -141,4 +141,4 @@ def figure(table: pd.DataFrame, time: float = 1.0) -> Figure:
         low=np.nan,
         high=np.nan,
     )
-    return dot_plot(dots, f"gap after {time:g} s /\nnovice's spread")
+    return dot_plot(dots, f"gap after {time:g} s / novice's spread")

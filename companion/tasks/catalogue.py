@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from companion.tasks.trial import EntryResult
 
 RECORDINGS = Path("recordings")
-ROBOTS = ("husky", "warthog")  # recorded, of the body in skid_steer.yaml
-HELD_OUT = 0.25  # share of a recorded robot's sessions that judge
+ROBOTS = ("husky", "warthog")  # real, of the body in skid_steer.yaml
+HELD_OUT = 0.25  # share of a real robot's sessions that judge
 #: Seeds of the simulated motion: the novice's to learn from, the novice's to judge by,
 #: and the expert's.
 POOL_SEED, VALIDATION_SEED, EXPERT_SEED = 40, 41, 42
@@ -43,9 +43,9 @@ class Task:
 
     Attributes:
         name: as in the table
-        pair: a simulated pair of robots, or '' for recorded robots
-        novice: name of the novice's body for a simulated pair, else of a recorded robot
-        expert: of a recorded robot; '' for a simulated pair
+        pair: a simulated pair of robots, or '' for real robots
+        novice: name of the novice's body for a simulated pair, else of a real robot
+        expert: of a real robot; '' for a simulated pair
         minutes: of the novice's motion, min
         expert_minutes: of the expert's motion, min; 0: all that is recorded
         validation_minutes: of the motion that judges, min; 0: what is held out
@@ -94,7 +94,7 @@ def _recorded(novice: str, expert: str, minutes: float) -> Task:
 RECORDED_PAIRS = (("warthog", "husky"), ("husky", "warthog"))  # novice, expert
 MINUTES = (1.0, 5.0, 20.0)  # of the paper's novices
 BODIES = ("no map", "no linear velocity", "left and right")
-#: Groups of tasks by name; recorded robots need no simulation.
+#: Groups of tasks by name; real robots need no simulation.
 GROUPS: dict[str, tuple[Task, ...]] = {
     "quick": tuple(_recorded(*pair, m) for m in (0.8, 5.0) for pair in RECORDED_PAIRS),
     "held": tuple(_simulated(pair, m) for pair in PAPER_SYSTEMS for m in MINUTES),
@@ -128,7 +128,7 @@ def load_task(
 ) -> TaskData:
     """The motion of a task; simulated motion that is missing is simulated.
 
-    The seed says which of the novice's drives are learnt from, and for recorded robots
+    The seed says which of the novice's drives are learnt from, and for real robots
     also which judge. Simulated motion lies under `data`.
     """
     if not task.pair:
@@ -158,7 +158,7 @@ def _own_sessions(drives: list[Drive]) -> list[Drive]:
 
 
 def recorded_body() -> Body:
-    """The body of the recorded robots."""
+    """The body of the real robots."""
     if not RECORDINGS.is_dir():
         raise ConfigError(
             f"{RECORDINGS}: there is no such folder; run this in the repository's, "
@@ -176,7 +176,7 @@ def bodies(task: Task) -> tuple[Body, Body]:
 
 @functools.cache
 def _robot(name: str) -> list[Drive]:
-    """All drives of a recorded robot."""
+    """All drives of a real robot."""
     return read_drives(RECORDINGS / f"{name}.csv.gz", recorded_body())
 
 

@@ -56,7 +56,7 @@ def library_rows(results: Path | str) -> pd.DataFrame:
 
 
 def task_names(group: str, minutes: Iterable[float] = MINUTES) -> list[str]:
-    """The tasks of a group with some sizes; recorded robots have sizes of their own."""
+    """The tasks of a group with some sizes; real robots have sizes of their own."""
     sizes = set(minutes)
     return [t.name for t in GROUPS[group] if not t.pair or t.minutes in sizes]
 

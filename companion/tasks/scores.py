@@ -5,7 +5,7 @@ alone, with the same drives; over tasks it is the geometric mean. Intervals and 
 are about other drives of the same robots: what varies is which drives a seed draws. A
 pair of robots and a seed give one value, the mean over their sizes, which share drives.
 Each pair has a variance of its own (Satterthwaite, Biometrics 2, 1946). Seeds only
-divide the drives of recorded robots anew, which adds to the variance (Nadeau and
+divide the drives of real robots anew, which adds to the variance (Nadeau and
 Bengio, Machine Learning 52, 2003).
 """
 

@@ -348,8 +348,12 @@ def balance(book: Book) -> bool:
         ]
         for pair in ((TWO, ONE), (ONE, TWO))
     )
-    return all((t.high < 1).all() and len(t) for t in sure) and not any(
-        (t.high < 1).any() for t in other
+    unclear, few = other
+    return (
+        all((t.high < 1).all() and len(t) for t in sure)
+        and not (unclear.high < 1).any()
+        and few.high.isna().all()  # no interval
+        and len(few) > 0
     )
 
 
