@@ -149,8 +149,8 @@ def body_to_mapping(body: Body) -> dict[str, Any]:
     values |= {key: dict(getattr(body, key)) for key in ("columns", "actions")}
     if body.map_size:
         pixels = {"pixels": body.map_pixels} if body.map_pixels else {}
-        values["map"] = {"size": f"{body.map_size:g} m"} | pixels
-    values |= {"rate": f"{body.rate:g} Hz", "weights": body.weights}
+        values["map"] = {"size": f"{body.map_size} m"} | pixels
+    values |= {"rate": f"{body.rate} Hz", "weights": body.weights}
     if body.resolution:
         units = dict(body.changes)
         values["resolution"] = {

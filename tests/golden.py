@@ -50,7 +50,7 @@ class Golden:
         for figure, value in figures.items():
             wanted = stored[figure]
             error = np.abs(np.subtract(value, wanted))
-            assert not (error > abs + rel * np.abs(wanted)).any(), (
+            assert (error <= abs + rel * np.abs(wanted)).all(), (
                 f"{name}: {figure} is {value}, stored is {wanted}; if it is meant "
                 f"to change, raise RESULT_VERSIONS['{kind}'] in "
                 "companion/numerics.py and run 'make golden'"

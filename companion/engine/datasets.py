@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.presets import Preset
-from companion.trials import Dataset, Trial, motion_of
-from sidm.config import ConfigError
-from sidm.drives import Drive
+from companion.trials import Dataset, Trial
 from sidm.pool import local_pool
 from sidm.shards import digest, load, missing_shards
 from sidm.systems import SYSTEMS, System
@@ -25,16 +23,6 @@ def is_here(
     """Whether a dataset, or the trajectories `which` of it, are under `data`."""
     wanted = dataset.count if which is None else which
     return not missing_shards(Path(data), dataset.collection, wanted)
-
-
-def refuse_missing_motion(trials: Iterable[Trial], data: str | Path = "data") -> None:
-    """Refuse trials whose motion is not on this disk."""
-    for dataset, which in motion_of(trials).items():
-        if not is_here(dataset, data, which):
-            raise ConfigError(
-                f"the dataset {dataset.name} is not under {data}; 'companion collect "
-                "--preset NAME --figure NAME' makes what trials need"
-            )
 
 
 @functools.lru_cache(maxsize=256)
@@ -92,36 +80,20 @@ def collect_motion(
     Returns:
         Name of each dataset -> digest of what was needed of it.
     """
+    from sidm.simulation import collect
+
     workers = workers or os.cpu_count() or 1
     pool = contextlib.nullcontext(executor) if executor else local_pool(workers)
     digests = {}
     with pool as executor:
         for dataset, which in needed.items():
-            system = robots(dataset) if robots else None
-            drives = collect_dataset(dataset, data, executor, progress, which, system)
+            drives = collect(
+                data,
+                dataset.collection,
+                which,
+                executor=executor,
+                progress=progress,
+                system=robots(dataset) if robots else None,
+            )
             digests[dataset.name] = digest(drives)
     return digests
-
-
-def collect_dataset(
-    dataset: Dataset,
-    data: str | Path = "data",
-    executor: Executor | None = None,
-    progress: bool = True,
-    which: Sequence[int] | None = None,
-    system: System | None = None,
-) -> list[Drive]:
-    """Simulate what is missing of a dataset, or of the trajectories `which` of it.
-
-    Arguments and errors are those of `sidm.simulation.collect`.
-    """
-    from sidm.simulation import collect
-
-    return collect(
-        Path(data),
-        dataset.collection,
-        dataset.count if which is None else which,
-        executor=executor,
-        progress=progress,
-        system=system,
-    )

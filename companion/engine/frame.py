@@ -119,9 +119,10 @@ def records_frame(
     """The values of records of one kind as a table, a row a record.
 
     The fields of a record's `about` are columns of the same names. The fields of a part
-    of it, such as a trial, have the part's name as prefix (``trial_seed``) and are
-    missing where there is no such part. A result that has the name of a field of the
-    provenance gets the prefix ``found_`` (``found_seconds``).
+    of it have the part's name as prefix (``training_batch``) and are missing where
+    there is no such part; those of a trial have it where the table has the shorter name
+    too. A result that has the name of a field of the provenance gets the prefix
+    ``found_`` (``found_seconds``).
     """
     made_by = [*_names(Provenance), *(name for name, _, _ in _FLAGS)]
     column = {
@@ -134,14 +135,7 @@ def records_frame(
         found = _tuples({column[name]: record[name] for name in column})
         lines.append(_flat(record["about"]) | found | _made(record, known))
     names = _names(typing.get_type_hints(kind)["about"])
-    return pd.DataFrame(lines, columns=[*names, *column.values(), *made_by])
-
-
-def of_trials(frame: pd.DataFrame) -> pd.DataFrame:
-    """Rename the columns of records about trials: ``trial_seed`` becomes ``seed``.
-
-    A column stays as it is where the table has the shorter name, too.
-    """
+    frame = pd.DataFrame(lines, columns=[*names, *column.values(), *made_by])
     shorter = {name: name.removeprefix("trial_") for name in frame}
     return frame.rename(columns={k: v for k, v in shorter.items() if v not in frame})
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.engine.datasets import digest_of
+from companion.engine.datasets import digest_of, is_here
 from companion.engine.lines import read_lines, write_lines
-from companion.trials import Dataset
+from companion.trials import Dataset, Trial, motion_of
 from sidm.config import (
     ConfigError,
     DataError,
@@ -194,12 +194,20 @@ def compare(
     return differences
 
 
-def refuse_other_motion(
-    datasets: Iterable[Dataset], data: str | Path, results: str | Path
+def refuse_motion(
+    trials: Iterable[Trial], data: str | Path, results: str | Path
 ) -> None:
-    """Refuse to add results of other motion to `results`."""
-    for dataset in datasets:
-        if differences := compare(dataset, data, results):
+    """Refuse trials whose motion is not under `data`, or is not that of `results`."""
+    needed = motion_of(trials)
+    for dataset, which in needed.items():
+        if not is_here(dataset, data, which):
+            raise ConfigError(
+                f"the dataset {dataset.name} is not under {data}; 'companion collect "
+                "--preset NAME --figure NAME' makes what trials need"
+            )
+    for dataset, which in needed.items():
+        whole = len(which) == dataset.count
+        if whole and (differences := compare(dataset, data, results)):
             raise OtherMotion(
                 f"{dataset.name}: the motion under {data} is not that of {results}: "
                 f"{'; '.join(differences)}; name another folder of results"

@@ -185,9 +185,9 @@ class Records(Generic[F]):
             raise self._damaged(f"'{about}' is about something else")
         return record
 
-    def of_key(self, key: str, curves: bool = True) -> F | None:
-        """The record of a key, or None; `curves` says whether its curves are read."""
-        return self._read(key, from_mapping, curves)
+    def of_key(self, key: str) -> F | None:
+        """The record of a key, or None."""
+        return self._read(key, from_mapping, curves=True)
 
     def values(self, keys: Iterable[str], curves: bool = True) -> dict[str, dict]:
         """Plain values of the records of some keys, by key, see `config.completed`.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from companion.engine.provenance import Provenance
 from companion.trials import Trial
 from sidm.config import config
@@ -88,15 +90,8 @@ class Failure:
 
 
 #: Fields of an outcome that are long: they are stored beside the lines.
-CURVES = (
-    "curve_samples",
-    "curve_test_loss",
-    "curve_training_loss",
-    "every_training_loss",
-    "every_test_loss",
-    "every_validation_loss",
-    "every_discriminator_accuracy",
-    "every_matching_loss",
-    "rollouts_predicted",
-    "rollouts_actual",
+CURVES = tuple(
+    field.name
+    for field in dataclasses.fields(Outcome)
+    if field.name.startswith(("curve_", "every_", "rollouts_"))
 )

@@ -13,15 +13,14 @@ import math
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import NamedTuple
 
-from companion.engine.datasets import collect_motion, refuse_missing_motion
+from companion.engine.datasets import collect_motion
 from companion.engine.execute import run_trial
-from companion.engine.known_motion import refuse_other_motion
+from companion.engine.known_motion import refuse_motion
 from companion.engine.records import one_line
 from companion.engine.rows import Failure, Row
 from companion.engine.store import Results
@@ -81,7 +80,6 @@ def run(
     store = results if isinstance(results, Results) else Results(results)
     wanted = list({trial.key: trial for trial in trials}.values())
     missing = _not_failed(store, store.missing(wanted))
-    refuse_missing_motion(missing, data)
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
     if bundle < 0:
@@ -100,27 +98,74 @@ def run(
     if not missing:
         return store
     data = Path(data).absolute()
-    _refuse_other_motion(missing, data, store)
+    refuse_motion(missing, data, store.folder)
+    lost = 0
     with progress_bar(len(missing), "trials", "trial", progress) as bar:
-        runner = _Runner(store, data, bar, device)
-        alone = runner.run_bundles(missing, bundle, until) if bundle else missing
-        if time.monotonic() < until:
-            own = contextlib.nullcontext(executor) if executor else None
-            with own or local_pool(min(workers, len(alone))) as pool:
-                runner.run_single(alone, pool)
+        arguments = executor, workers, data, device, bundle, until, bar
+        for trial, result in _results(missing, *arguments):
+            try:
+                if isinstance(result, Exception):
+                    raise result
+                store.put(result)
+                if isinstance(result, Failure):
+                    bar.write(f"companion: {result}", file=sys.stderr)
+                for kind in ("training", "bundle"):
+                    folder = checkpoint_folder(data, trial, kind)
+                    shutil.rmtree(folder, ignore_errors=True)
+            except BrokenProcessPool:
+                lost += 1
+                continue
+            except Exception as error:  # one failure must not lose the others
+                bar.write(f"companion: {trial}: {one_line(error)}", file=sys.stderr)
+            bar.update()
+    if lost:
+        print(
+            f"companion: a worker was killed (out of memory?); {lost} trials not done, "
+            "run again to go on",
+            file=sys.stderr,
+        )
     return store
 
 
-def _refuse_other_motion(
-    trials: Sequence[Trial], data: str | Path, store: Results
-) -> None:
-    """Refuse trials whose whole datasets are not those of the store."""
-    whole = [
-        dataset
-        for dataset, which in motion_of(trials).items()
-        if len(which) == dataset.count
-    ]
-    refuse_other_motion(whole, data, store.folder)
+def _results(
+    trials: list[Trial],
+    executor: Executor | None,
+    workers: int,
+    data: Path,
+    device: str,
+    bundle: int,
+    until: float,
+    bar: Bar,
+) -> Iterator[tuple[Trial, Row | Failure | Exception]]:
+    """Run trials: in bundles what these can train, then the others by themselves."""
+    if bundle:
+        # here, since without a GPU nothing needs them
+        from companion.engine.bundles import bundles, fits, run_bundle
+
+        folder = functools.partial(checkpoint_folder, data, kind="bundle")
+
+        def show(trial: Trial, tested: CurvePoint) -> None:
+            shown = {"samples": tested.samples, "test_loss": f"{tested.test_loss:.4g}"}
+            bar.set_postfix(shown, refresh=False)
+
+        for group in bundles(filter(fits, trials)):
+            if time.monotonic() < until:
+                yield from run_bundle(group, bundle, data, folder, show, device, until)
+        trials = [trial for trial in trials if not fits(trial)]
+    if time.monotonic() < until:
+        own = contextlib.nullcontext(executor) if executor else None
+        with own or local_pool(min(workers, len(trials))) as pool:
+            futures = {}
+            for trial in trials:
+                where = data, checkpoint_folder(data, trial)
+                futures[pool.submit(run_trial, trial, *where, device=device)] = trial
+            for done in as_completed(futures):
+                result: Row | Failure | Exception
+                try:
+                    result = done.result()
+                except Exception as error:
+                    result = error
+                yield futures[done], result
 
 
 def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
@@ -130,83 +175,6 @@ def _not_failed(store: Results, trials: list[Trial]) -> list[Trial]:
         message = f"{failure}; not run again unless its line in {store.failed.path}"
         print(f"companion: {message} is deleted", file=sys.stderr)
     return [trial for trial in trials if trial.key not in failed]
-
-
-class _Runner(NamedTuple):
-    """Runs trials and stores each as soon as it is done."""
-
-    store: Results
-    data: Path
-    bar: Bar
-    device: str
-
-    def report(self, message: str) -> None:
-        self.bar.write(f"companion: {message}", file=sys.stderr)
-
-    def report_failure(self, trial: Trial, error: Exception) -> None:
-        """Report a trial that failed; the others go on."""
-        self.report(f"{trial}: {one_line(error)}")
-        self.bar.update()
-
-    def store_result(self, row: Row | Failure, folder: Path) -> None:
-        """Store a trial's row or failure, and delete the folder of its checkpoint."""
-        self.store.put(row)
-        if isinstance(row, Failure):
-            self.report(str(row))
-        self.bar.update()
-        shutil.rmtree(folder, ignore_errors=True)
-
-    def run_bundles(self, trials: list[Trial], slots: int, until: float) -> list[Trial]:
-        """Train bundle after bundle in this process until the time is up.
-
-        Returns:
-            The trials that no bundle can train.
-        """
-        # here, since without a GPU nothing needs them
-        from companion.engine.bundles import bundles, fits, run_bundle
-
-        folder = functools.partial(checkpoint_folder, self.data, kind="bundle")
-
-        def show(trial: Trial, tested: CurvePoint) -> None:
-            shown = {"samples": tested.samples, "test_loss": f"{tested.test_loss:.4g}"}
-            self.bar.set_postfix(shown, refresh=False)
-
-        for group in bundles(filter(fits, trials)):
-            if time.monotonic() >= until:
-                break
-            for trial, result in run_bundle(
-                group, slots, self.data, folder, show, self.device, until
-            ):
-                try:
-                    if isinstance(result, Exception):
-                        raise result
-                    self.store_result(result, folder(trial))
-                except Exception as error:
-                    self.report_failure(trial, error)
-        return [trial for trial in trials if not fits(trial)]
-
-    def run_single(self, trials: list[Trial], executor: Executor) -> None:
-        """Run each trial by itself on the executor."""
-        work = functools.partial(run_trial, device=self.device)
-        folders = {trial: checkpoint_folder(self.data, trial) for trial in trials}
-        futures = {
-            executor.submit(work, trial, self.data, folder): trial
-            for trial, folder in folders.items()
-        }
-        lost = 0
-        for done in as_completed(futures):
-            trial = futures[done]
-            try:
-                self.store_result(done.result(), folders[trial])
-            except BrokenProcessPool:
-                lost += 1
-            except Exception as error:
-                self.report_failure(trial, error)
-        if lost:
-            self.report(
-                f"a worker was killed (out of memory?); {lost} trials not done, "
-                "run again to go on"
-            )
 
 
 def collect_and_run(

@@ -42,10 +42,6 @@ class Results(Records[Row]):
         self.failed.drop(record.trial)
         return path
 
-    def rows(self, trials: Iterable[Trial]) -> list[Row]:
-        """The stored rows of `trials`, in their order."""
-        return self.stored(trials)
-
     def failures(self, trials: Iterable[Trial]) -> list[Failure]:
         """The failures of `trials` that today's code would repeat, in their order."""
         failures = self.failed.stored(trials)

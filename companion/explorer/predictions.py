@@ -112,7 +112,7 @@ def make(folder: Path = FOLDER) -> None:
     shown = figure4.table(verdicts.results(study, store))
     for system in PAPER_SYSTEMS:
         number = figure4.median_drive(shown[shown.system == system])
-        rows = store.rows(arm(study, "R", system, R_CAPS, [SEED]))
+        rows = store.stored(arm(study, "R", system, R_CAPS, [SEED]))
         write_scene(folder / f"scene-{system}.json", rollout_scene(rows, number))
     write_scene(folder / "scene-warthog.json", warthog_scene())
 

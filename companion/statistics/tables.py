@@ -88,7 +88,7 @@ def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]
         points.setdefault(trial.replace(seed=0), []).append(trial)
     lines = []
     for first, group in points.items():
-        rows = store.rows(group)
+        rows = store.stored(group)
         line = (
             f"{first.system}  {first.method:<18}{first.novice_minutes:>6g} min"
             f"  stored {len(rows)} of {len(group)}"

@@ -22,7 +22,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from companion.engine.datasets import collect_dataset
 from companion.engine.records import read_or_empty
 from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
@@ -189,7 +188,13 @@ def pair_motions(
 
     def family_member(system: str) -> PlanarMotion:
         member = dataset(system, MEMBER, POLICY, TRAJECTORIES)
-        drives = collect_dataset(member, data, executor, system=robots(member))
+        drives = collect(
+            data,
+            member.collection,
+            TRAJECTORIES,
+            executor=executor,
+            system=robots(member),
+        )
         return simulated_motion(drives)
 
     for system in (*PAPER_SYSTEMS, *FREE_SYSTEMS):

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from companion.tasks.trial import EntryResult
 
 RECORDINGS = Path("recordings")
-ROBOTS = ("husky", "warthog")  # real, of the body in skid_steer.yaml
 HELD_OUT = 0.25  # share of a real robot's sessions that judge
 #: Seeds of the simulated motion: the novice's to learn from, the novice's to judge by,
 #: and the expert's.

@@ -140,19 +140,14 @@ def task_scores(frame: pd.DataFrame, value: str = "loss") -> pd.DataFrame:
 
 
 def mean_ratio(
-    frame: pd.DataFrame,
-    method: str,
-    tasks: Iterable[str],
-    value: str = "loss",
-    other: str = REFERENCE,
+    frame: pd.DataFrame, method: str, tasks: Iterable[str], value: str = "loss"
 ) -> Interval:
-    """A method's loss or error divided by another's; NaN without results of both.
+    """A method's loss or error divided by the reference's; NaN without results.
 
     It is the geometric mean over tasks, with its interval.
     """
     logs = log_ratios(frame[frame.task.isin([*tasks])], value)
-    logs = logs.reindex(columns=[method, other])
-    return mean_of(logs[method] - logs[other]).interval
+    return mean_of(logs.reindex(columns=[method])[method]).interval
 
 
 def score_table(frame: pd.DataFrame) -> pd.DataFrame:

@@ -75,6 +75,7 @@ def _scene_of_file(path: Path, arguments: argparse.Namespace) -> dict[str, Any]:
 def _scene(path: Path, arguments: argparse.Namespace) -> Scene:
     """The scene of one of the recorded drives in a file."""
     from ownrobot.body_file import read_body
+    from ownrobot.fitting.arguments import drives_from
     from ownrobot.fitting.model import load
     from ownrobot.recordings import read_drives
     from ownrobot.replay.scene import drive_scene
@@ -95,5 +96,6 @@ def _scene(path: Path, arguments: argparse.Namespace) -> Scene:
         )
     drive, predicted = drives[arguments.drive], None
     if model:
+        [drive] = drives_from([drive], model.body, str(path))
         predicted = model.rollout(drive.states[0], drive.actions, ground=drive.ground)
     return drive_scene(drive, robot, predicted)

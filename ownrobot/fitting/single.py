@@ -88,7 +88,8 @@ def fit_drives(
     are otherwise trained where the method needs them; `notify` says whether to warn of
     drives that are not learnt from.
     """
-    data = data_of(novice, expert, settings, seed)
+    used = expert if METHODS[method].needs_expert else None
+    data = data_of(novice, used, settings, seed)
     if start is None:
         start = pretrained(data, method, state, progress, device)
     title = f"fitting {method}, at most"

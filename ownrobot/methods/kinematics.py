@@ -55,7 +55,7 @@ class Kinematics(ClosedForm):
         # Share of the difference to its command that a wheel makes up for in a step.
         self.lag = fixed(torch.zeros(()))
         self.wheel_limit = fixed(torch.zeros(()))  # rad/s or m/s
-        # Forward speed, m/s, and yaw rate, rad/s, from the two numbers of `_features`.
+        # Forward speed, m/s, and yaw rate, rad/s, from the two numbers of `features`.
         self.jacobian = fixed(torch.zeros(2, 2))
         # m, distance of the centre of rotation behind the point that has the pose.
         self.centre_offset = fixed(torch.zeros(()))

@@ -61,7 +61,8 @@ class Method(NamedTuple):
     def uses(self, setting: str) -> bool:
         """Whether a setting of the networks or the training changes what it learns."""
         if self.fit != "gradients" and not self.pretrained:
-            return setting == "pixels"
+            maps = "trees", "gaussian_process"  # what sees height maps
+            return setting == "pixels" and self.fit in maps
         if setting in ADVERSARY:
             return self.regularise
         return self.expert or setting not in DRAWING

@@ -78,9 +78,7 @@ def on_one_clock(topics: Sequence[Messages]) -> tuple[list[np.ndarray], list[str
         usable.append(one._replace(stamps=None) if fault else one)
     if reference is None:
         return [one.known for one in usable], notes
-    told = " ".join(notes)
-    others = {one.topic for one in usable if one.stamps is None}
-    names = ", ".join(sorted(name for name in others if f"{name}: " not in told))
+    names = ", ".join(sorted({one.topic for one in topics if one.stamps is None}))
     notes += filter(None, map(_lag, usable))
     if names and not reference.has_one_clock:
         notes.append(

@@ -220,7 +220,8 @@ def write_csv(path: Path, drives: Sequence[Drive], origin: str) -> None:
     frame.insert(0, "session", np.repeat([drive.session for drive in drives], lengths))
     frame.insert(1, "drive", np.repeat(np.arange(len(drives)), lengths))
     table = frame.to_csv(index=False, float_format="%.9g", lineterminator="\n")
-    text = f"# origin: {origin}\n# rate: {body.rate:g} Hz\n{table}".encode()
+    rate = str(body.rate).removesuffix(".0")  # all digits of a rate such as 20 / 3 Hz
+    text = f"# origin: {origin}\n# rate: {rate} Hz\n{table}".encode()
     if path.suffix == ".gz":
         text = gzip.compress(text, mtime=0)
     elif path.suffix == ".xz":

@@ -203,7 +203,9 @@ def _other_rate(drives: Sequence[Drive], body: Body) -> list[str]:
         recorded = np.concatenate([_between(d.states[:, number]) for d in drives])
         if max(np.mean(recorded**2), np.mean(moved**2)) < least**2:
             continue
-        slope = float((recorded * moved).sum() / max((recorded**2).sum(), 1e-12))
+        if not recorded.any():
+            return [f"'{column}' is always 0, but the poses move; mend its sensor"]
+        slope = float((recorded * moved).sum() / (recorded**2).sum())
         if not 1 / RATE_RATIO < slope < RATE_RATIO:
             fault = "of the other sign" if slope < 0 else "in another unit or frame"
             return [

@@ -152,7 +152,7 @@ def _whole_numbers(name: str, member: np.ndarray) -> np.ndarray:
 
 
 def write_npz(path: Path, drives: Sequence[Drive], origin: str) -> None:
-    """Write drives in SI units: float32, each ground once, heights in whole mm.
+    """Write drives in SI units: each ground once, heights in whole mm.
 
     Grounds of several shapes or spacings raise ValueError.
     """

@@ -73,6 +73,8 @@ def read_drives(
         drives = _drives_of_file(where, [table], body, findings)
     else:
         paths = as_paths(path)
+        if not paths:
+            raise RecordingError("the list of paths is empty; name a file or a folder")
         where = ", ".join(map(str, paths))
         drives = drives_of_paths(paths, body, topics, findings)
     findings.warn()

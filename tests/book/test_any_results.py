@@ -41,7 +41,7 @@ def few_results(tmp_path_factory, motion) -> dict[str, Path]:
     """Folders of results: none, one stored trial, and trials of other sizes."""
     folder = tmp_path_factory.mktemp("results")
     study, stored = Study("study"), Results(ROOT / "results")
-    (row,) = stored.rows([study.trial("system1", "sidm", 5.0)])
+    (row,) = stored.stored([study.trial("system1", "sidm", 5.0)])
     Results(folder / "one").put(row)
     other = Study(OTHER_SIZES)
     trials = other.figure3("system1") + other.references("system1")

@@ -84,7 +84,7 @@ def test_a_cluster_gives_what_this_machine_gives(cluster, tmp_path, capsys):
     preset = load_preset("smoke", **SETTINGS)
     trials = Study(preset).figure3("system1")
     rows = [
-        [row.outcome for row in Results(tmp_path / name).rows(trials)]
+        [row.outcome for row in Results(tmp_path / name).stored(trials)]
         for name in ("there", "here")
     ]
     assert rows[0] == rows[1] and len(rows[0]) == 6

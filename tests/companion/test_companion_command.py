@@ -138,7 +138,7 @@ def test_collect_run_show(tmp_path, capsys):
     assert said("show").splitlines()[-1] == "missing: 2"
     assert "3 of 3 trials stored" in said("run", "--workers", "1")
     trials = Study(load_preset("smoke", **CHANGES)).figure3("system1")
-    stale = [row.provenance.stale for row in Results(results).rows(trials)]
+    stale = [row.provenance.stale for row in Results(results).stored(trials)]
     assert stale == [False] * 3
 
 

@@ -98,7 +98,7 @@ def test_a_choice_comes_to_its_figures(trial, data, golden, choice):
 @pytest.mark.parametrize("method", FIGURE3)
 def test_a_bundle_comes_to_its_figures(trial, data, golden, tmp_path, method):
     one = trial(method)
-    (row,) = run([one], data=data, results=tmp_path, progress=False, bundle=1).rows(
+    (row,) = run([one], data=data, results=tmp_path, progress=False, bundle=1).stored(
         [one]
     )
     golden.hold(f"{method} in a bundle", "bundle", figures(row.outcome), **TOLERANCE)

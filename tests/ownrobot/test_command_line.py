@@ -81,6 +81,14 @@ def test_a_replay_shows_the_prediction_too():
     assert '"model"' in pages[0] and '"model"' not in pages[1]
 
 
+def test_a_replay_of_another_body_than_the_models_is_refused(capsys):
+    Path("two.yaml").write_text(SKID.read_text().replace("yaw_rate: rad/s, ", ""))
+    words = f"replay {WARTHOG} --model {MODEL} --body two.yaml --html a.html"
+    assert main(words.split()) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "which differs from body 'skid-steered' in its state" in said
+
+
 def test_a_link_stays_a_link():
     Path("target.csv").write_text("old")
     Path("link.csv").symlink_to("target.csv")

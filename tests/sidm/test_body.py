@@ -35,7 +35,8 @@ def test_a_file_says_what_a_planar_robot_sees_and_does(tmp_path):
     assert body.pixels(32) == 0 and body.weights == "variance"
     expected = (1e-4, 1e-3, 1e-4, pytest.approx(0.0349066), 1e-3, 1e-3)
     assert body.resolutions == expected
-    for one in (body, dataclasses.replace(ROVER, resolution=(("wz", 0.1 / 3),))):
+    digits = {"resolution": (("wz", 0.1 / 3),), "rate": 20 / 3, "map_size": 14 / 3}
+    for one in (body, dataclasses.replace(ROVER, **digits)):
         assert body_from_mapping(body_to_mapping(one), "") == one
 
 

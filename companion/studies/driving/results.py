@@ -7,7 +7,6 @@ import itertools
 import numpy as np
 import pandas as pd
 
-from companion.engine.frame import of_trials
 from companion.extensions.drivers import ARRIVED
 from companion.figures.style import METHOD_LABELS
 from companion.methods import COMPARED
@@ -67,12 +66,10 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _drivers(frame: pd.DataFrame) -> pd.DataFrame:
     """Records with '' and 0 in the columns of a trial where a driver has no model."""
-    rows = of_trials(frame)
-    model = rows.driver == "model"
+    model = frame.driver == "model"
     blanks = {"method": "", "novice_minutes": 0.0, "seed": 0}
-    return rows.assign(
-        **{column: rows[column].where(model, blank) for column, blank in blanks.items()}
-    )
+    filled = {name: frame[name].where(model, blank) for name, blank in blanks.items()}
+    return frame.assign(**filled)
 
 
 def scores(frame: pd.DataFrame) -> pd.DataFrame:

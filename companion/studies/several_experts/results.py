@@ -7,7 +7,6 @@ import dataclasses
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.engine.frame import of_trials
 from companion.figures.dots import dot_plots, name_rows
 from companion.figures.style import METHOD_LABELS, SIZE_STYLES, legend_below
 from companion.statistics.claims import COLUMNS, claim_rows
@@ -48,7 +47,7 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     `minutes` of processor time of this training.
     """
     values = ["validation_loss", "samples", "found_seconds"]  # by way and size
-    rows = of_trials(frame).assign(way=[list(WAYS)] * len(frame), number=frame.experts)
+    rows = frame.assign(way=[list(WAYS)] * len(frame), number=frame.experts)
     rows["experts"] = [
         label(number, paper)
         for number, paper in zip(rows.number, rows.paper, strict=True)
@@ -114,7 +113,7 @@ def page_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 def experts_table(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per pretraining for a page: its losses, and the nearest expert by size."""
-    order = {"experts": True, "paper": False, "trial_seed": True}
+    order = {"experts": True, "paper": False, "seed": True}
     rows = []
     for record in frame.sort_values([*order], ascending=[*order.values()]).itertuples():
         roles = ["expert"] if record.paper else []
@@ -126,7 +125,7 @@ def experts_table(frame: pd.DataFrame) -> pd.DataFrame:
         losses = record.experts_loss
         line = (
             label(record.experts, record.paper),
-            record.trial_seed,
+            record.seed,
             f"{record.experts_samples:,}",
             f"{losses[0]:.3f}" if record.paper else "-",
             f"{max(losses):.3f}",

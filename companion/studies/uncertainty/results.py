@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.engine.frame import of_trials
 from companion.extensions.particles import LEVELS, QUANTILES
 from companion.figures.style import (
     LOSS_BY_SIZE,
@@ -51,9 +50,8 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     by likelihood, also the mean `difference` between the NLL and the twin's, with the
     ends `low` and `high` of its interval, over seeds that are `pairs`.
     """
-    rows = of_trials(frame)
-    constant = rows.component_losses.map(constant_spread)
-    rows = rows.assign(loss=rows.validation_loss, constant=constant)
+    constant = frame.component_losses.map(constant_spread)
+    rows = frame.assign(loss=frame.validation_loss, constant=constant)
     groups = rows.groupby(POINT, sort=False)
     means = groups[["loss", "nll", "constant"]].mean()
     means.insert(0, "seeds", groups.size())
@@ -86,7 +84,7 @@ def coverage(frame: pd.DataFrame) -> pd.DataFrame:
     `position` error after the rollout, m.
     """
     rows = []
-    for point, group in of_trials(frame).groupby(POINT, sort=False):
+    for point, group in frame.groupby(POINT, sort=False):
         one_step = np.mean(group.coverage.tolist(), axis=0)  # (L, 13)
         rollout, width = (  # (L, 3) each, after the last step
             np.mean(steps.tolist(), axis=0)[:, -1]
@@ -107,14 +105,13 @@ def quantiles(frame: pd.DataFrame) -> pd.DataFrame:
     The component `w` is that of the quaternion, which the others determine. A row per
     POINT has means over seeds.
     """
-    rows = of_trials(frame)
     values = {
-        f"{level:.0%}": rows.nll_quantiles.str[number].astype(float)
+        f"{level:.0%}": frame.nll_quantiles.str[number].astype(float)
         for number, level in enumerate(QUANTILES)
     }
     last = range(13)[QUATERNION][-1]
-    values |= {"mean": rows.nll, "w": rows.component_nll.str[last].astype(float)}
-    groups = rows.assign(**values).groupby(POINT, sort=False)
+    values |= {"mean": frame.nll, "w": frame.component_nll.str[last].astype(float)}
+    groups = frame.assign(**values).groupby(POINT, sort=False)
     return groups[[*values]].mean().reset_index()
 
 
@@ -178,8 +175,7 @@ def quantiles_page(table: pd.DataFrame) -> pd.DataFrame:
 
 def latents_page(frame: pd.DataFrame) -> pd.DataFrame:
     """Spreads of the latents of each model by likelihood, as a table of a page."""
-    rows = of_trials(frame)
-    rows = rows[rows.likelihood.astype(bool)]
+    rows = frame[frame.likelihood.astype(bool)]
     page = _in_words(rows)[["system", "method", "novice (min)", "seed"]]
     columns = {
         "encoder's spread": rows.latent_spread.str[0],
@@ -230,8 +226,7 @@ def coverage_figure(
     axis: dict[str, Any] = dict(
         xlabel="time (s)", ylabel="share within the interval (-)", ylim=(0, 1)
     )
-    rows = of_trials(frame)
-    rows = rows[rows.novice_minutes == minutes]
+    rows = frame[frame.novice_minutes == minutes]
     level = max(LEVELS)
     figure, plots = system_panels(rows, systems, f"{{}}, {minutes:g} min", **axis)
     for axes, shown in plots:

@@ -28,7 +28,7 @@ def test_a_bundle_stores_what_trials_alone_give(study, data, tmp_path):
     trials = study.figure3("system1")
     assert all(map(fits, trials)) and sorted(map(len, bundles(trials))) == [2, 4]
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
-    for trial, row in zip(trials, store.rows(trials), strict=True):
+    for trial, row in zip(trials, store.stored(trials), strict=True):
         alone, made, out = run_trial(trial, data).outcome, row.provenance, row.outcome
         assert made.bundle == 2 and "bundle" in made.numerics and not made.stale
         assert out.validation_loss == pytest.approx(alone.validation_loss, rel=1e-3)
@@ -62,7 +62,7 @@ def test_bundles_take_methods_of_one_loop_and_leave_others(study, data, tmp_path
         assert not fits(trial(method))
     trials = [trial("sidm"), trial("pooled")]
     store = run(trials, data=data, results=tmp_path, progress=False, bundle=2)
-    assert [row.provenance.bundle for row in store.rows(trials)] == [2, 0]
+    assert [row.provenance.bundle for row in store.stored(trials)] == [2, 0]
 
 
 @pytest.mark.parametrize("bundle", [0, 2])

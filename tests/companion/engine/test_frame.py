@@ -58,6 +58,6 @@ def test_records_are_a_table_too():
     records = STUDIES["uncertainty"].module.records(RESULTS)
     frame, stored = records.frame(), records.all()
     seeds = [record.about.trial.seed for record in stored]
-    assert list(frame.trial_seed) == seeds != []
+    assert list(frame.seed) == seeds != []
     assert list(frame.date) == [record.provenance.date for record in stored]
     assert len(records.frame([stored[0].about])) == 1

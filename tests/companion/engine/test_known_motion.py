@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.engine.datasets import collect_dataset, digest_of
+from companion.engine.datasets import digest_of
 from companion.engine.known_motion import Known, Likeness, compare, note, read
 from companion.trials import Dataset
 from sidm.config import replace
 from sidm.shards import SHARD_SIZE, Collection
+from sidm.simulation import collect
 from sidm.systems import SYSTEMS
 
 DATASET = Dataset(
@@ -38,7 +39,7 @@ REDUCED = {
 def results(tmp_path_factory):
     """Results of another machine, whose data are not on this one."""
     data, results = tmp_path_factory.mktemp("data"), tmp_path_factory.mktemp("results")
-    collect_dataset(DATASET, data, progress=False)
+    collect(data, DATASET.collection, DATASET.count, progress=False)
     assert compare(DATASET, data, results) == []  # which notes it
     return results
 

@@ -116,7 +116,7 @@ def test_local_processes_agree_with_this_one(trials, data, tmp_path):
         run(trials, workers=workers, data=data, results=tmp_path / f"{workers}")
         for workers in (1, 2)
     ]
-    one, two = ([row.outcome for row in store.rows(trials)] for store in stores)
+    one, two = ([row.outcome for row in store.stored(trials)] for store in stores)
     assert one == two and len(one) == 2
     here = perform(trials[0], data)[0]
     assert rounded(here.position_error) == list(one[0].position_error)

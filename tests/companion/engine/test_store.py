@@ -38,7 +38,7 @@ def row_of(make_row):
 
 
 def losses(store, trials):
-    return [row.outcome.validation_loss for row in store.rows(trials)]
+    return [row.outcome.validation_loss for row in store.stored(trials)]
 
 
 def test_rows_come_back(trials, make_row, store, tmp_path):
@@ -77,7 +77,7 @@ def test_a_table_has_curves_where_it_is_asked_for_them(trials, make_row, store):
     short, whole = store.frame(trials), store.frame(trials, curves=True)
     assert "curve_samples" not in short and "validation_loss" in short
     assert whole.curve_samples.tolist() == [(100, 200, 300)]
-    pd.testing.assert_frame_equal(whole, frame_of(store.rows(trials)))
+    pd.testing.assert_frame_equal(whole, frame_of(store.stored(trials)))
     store.curves_path.write_bytes(b"")
     assert len(store.frame(trials)) == 1
     with pytest.raises(StoreError, match="curves.gz, byte 0: .*delete the line"):
@@ -105,7 +105,7 @@ def test_rows_of_other_versions_are_stale(trials, row_of, store, numerics):
     """A row of today's versions counts, whatever files made it; an older one lacks."""
     store.put(row_of(trials[0], source="0" * 12))
     store.put(row_of(trials[1], numerics=numerics))
-    assert [row.provenance.stale for row in store.rows(trials)] == [False, True]
+    assert [row.provenance.stale for row in store.stored(trials)] == [False, True]
     assert store.missing(trials) == trials[1:]
 
 

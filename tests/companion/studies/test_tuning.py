@@ -68,7 +68,7 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
     preset = load_preset("laptop")
     trials = trials_of(Study("laptop"), "system1")
     trials = [trial for trial in trials if trial.method == method]
-    losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
+    losses = [row.outcome.best_test_loss for row in STORED.stored(trials)]
     assert len(losses) == len(TRIES[method])
     chosen = list(TRIES[method])[losses.index(min(losses))]
     one, tried = METHODS[method], preset_of_try(preset, method, chosen)
@@ -82,7 +82,7 @@ def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, syste
     """A system's lowest test loss wins, unless Figure 3's setting is about as good."""
     study = Study("study")
     trials = [t for t in trials_of(study, system) if t.method == method]
-    losses = [row.outcome.best_test_loss for row in STORED.rows(trials)]
+    losses = [row.outcome.best_test_loss for row in STORED.stored(trials)]
     assert len(losses) == len(LITTLE_TRIES[method]) == 6
     ways = [(trial.training, trial.pretraining) for trial in trials]
     figure3 = study.points(system, [method], [5.0])[0]

@@ -296,6 +296,15 @@ def test_what_may_surprise_is_noted(arguments, how, words):
         ownrobot.fit(*arguments, **how)
 
 
+def test_an_expert_that_a_method_does_not_learn_from_changes_nothing():
+    """Its drives are too short for the windows that the novice's drives allow."""
+    short = [drive_of(f"{n}", 24, 50 + n) for n in range(12)]
+    with pytest.warns(Notice, match="does not learn from the expert's"):
+        model = ownrobot.fit(MANY, short, "least_squares")
+    alone = ownrobot.fit(MANY, method="least_squares")
+    assert (model.steps, model.test_loss) == (alone.steps, alone.test_loss)
+
+
 def test_a_model_that_is_replaced_is_noted_and_another_methods_state_stays(tmp_path):
     kept = tmp_path / fitting.UNFINISHED / "sidm" / "training" / "state"
     kept.parent.mkdir(parents=True)

@@ -37,6 +37,14 @@ def test_commands_without_stamps_come_to_the_clock_of_the_poses(received_of, tol
     assert any(told in note for note in notes)
 
 
+def test_a_topic_whose_name_ends_anothers_is_told_of():
+    """`/front/odom` is told of for another reason."""
+    pose = topic("/pose", 5e5 + TIME, TIME)
+    front = topic("/front/odom", 5e5 + TIME, 0 * TIME)
+    _, notes = on_one_clock([pose, front, topic("/odom", 5e5 + TIME)])
+    assert any(note.startswith("/odom: without stamps") for note in notes)
+
+
 def test_a_pose_that_comes_late_counts_when_it_was_measured():
     now = 1e9 + TIME
     pose, command = topic("/odom", now + 0.4, now), topic("/cmd_vel", now)

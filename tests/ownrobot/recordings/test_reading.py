@@ -179,6 +179,14 @@ def test_what_is_written_in_si_units_reads_back(write, tmp_path):
         assert np.allclose(again[2].states, drive.states, rtol=1e-6)
 
 
+def test_a_rate_keeps_all_its_digits(write, tmp_path):
+    body = replace(BODY, rate=20 / 3)
+    (drive,) = read_drives(write(text(circle(121))), body)
+    write_drives(tmp_path / "again.csv", [drive], "a test")
+    (again,) = read_drives(tmp_path / "again.csv", body)
+    assert np.allclose(again.states, drive.states, rtol=1e-6)
+
+
 TIMES = np.arange(41) / 20
 #: What the one line of a fault says -> the content of the file.
 BAD_CONTENT = {
@@ -255,6 +263,8 @@ def test_a_fault_is_one_line_that_names_file_place_and_mend(
 
 
 def test_what_a_folder_does_not_have_and_what_is_not_read_is_said(write, tmp_path):
+    with pytest.raises(RecordingError, match="the list of paths is empty"):
+        read_drives([], BODY)
     with pytest.raises(RecordingError, match="no file of drives .* folder that has"):
         read_drives(tmp_path, BODY)
     write("", "drive_0.db3")
