@@ -104,8 +104,8 @@ def _replay(comparison: Comparison) -> str:
     if comparison.drives[0].body.pose == "none":
         return ""
     method = comparison.verdict.method
-    worst = max(comparison.of(method), key=lambda result: result.losses.losses.max())
-    drive = next(d for d in comparison.drives if d.name == worst.worst)
+    worst = max(comparison.of(method), key=lambda result: result.worst.loss)
+    drive = next(d for d in comparison.drives if d.name == worst.worst.drive)
     title = f"{drive.name}, and what {method} predicts from its start"
     scene = drive_scene(drive, path=worst.path, names=("the robot", method))
     view = View(scene, title)._repr_html_()

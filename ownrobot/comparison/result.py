@@ -14,7 +14,7 @@ import pandas as pd
 
 from ownrobot.comparison.plan import DEFAULT_METHODS, TRIVIAL, Fit, Plan
 from ownrobot.comparison.statistics import Interval, resampled_loss, resampled_ratio
-from ownrobot.fitting.errors import OPEN_LOOP, DriveLosses
+from ownrobot.fitting.errors import OPEN_LOOP, score_of
 from ownrobot.fitting.splits import groups_of
 from sidm.drives import Drive
 
@@ -28,10 +28,14 @@ class FitResult(NamedTuple):
     fit: Fit
     minutes: float  # of motion that it learnt from
     seconds: float  # what the fit took
-    losses: DriveLosses  # of the drives held out
+    losses: pd.DataFrame  # the table of `Model.losses` on the drives held out
     errors: pd.DataFrame  # the table of `Model.evaluate` on these drives
-    worst: str  # name of the drive held out with the largest loss
-    path: np.ndarray  # (K + 1, S), states predicted from this drive's start
+    path: np.ndarray  # (K + 1, S), states predicted from the start of the worst drive
+
+    @property
+    def worst(self) -> pd.Series:
+        """The row of the drive held out with the largest loss."""
+        return self.losses.loc[self.losses.loss.idxmax()]
 
 
 class Verdict(NamedTuple):
@@ -65,7 +69,8 @@ class Comparison:
 
     def losses(self, method: str, share: float = 1.0) -> np.ndarray:
         """Losses (n,) of the fits of a method, by repeat and fold."""
-        return np.array([result.losses.loss for result in self.of(method, share)])
+        of_drives = [result.losses for result in self.of(method, share)]
+        return np.array([score_of(losses).loss for losses in of_drives])
 
     def is_complete(self, method: str, share: float = 1.0) -> bool:
         """Whether all fits of a method with a share of the data succeeded."""
@@ -147,9 +152,8 @@ class Comparison:
 
         Columns: `drive`, `loss`.
         """
-        joined = DriveLosses.joined([result.losses for result in self.of(method)])
-        frame = pd.DataFrame({"drive": joined.drives, "loss": joined.losses})
-        means = frame.groupby("drive", as_index=False).loss.mean()
+        joined = pd.concat([result.losses for result in self.of(method)])
+        means = joined.groupby("drive", as_index=False).loss.mean()
         return means.sort_values("loss", ascending=False, ignore_index=True)
 
     def report(self, path: str | Path) -> None:

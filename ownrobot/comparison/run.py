@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ownrobot.comparison.plan import (
     FOLDS,
     REPEATS,
@@ -152,10 +150,8 @@ def outcome_of(task: Task, fit: Fit) -> FitResult | str:
     outcome = None if path is None else read_outcome(path, fit)
     if isinstance(outcome, FitResult):  # files may have moved: drives have new names
         held_out = drives_of(task.plan, fit, task.novice).held_out
-        names = np.array([drive.name for drive in held_out])
-        worst = str(names[outcome.losses.losses.argmax()])
-        losses = outcome.losses._replace(drives=names)
-        return outcome._replace(losses=losses, worst=worst)
+        names = [drive.name for drive in held_out]
+        return outcome._replace(losses=outcome.losses.assign(drive=names))
     if outcome is None:
         try:
             outcome = _fitted(task, fit)
@@ -187,10 +183,9 @@ def _fitted(task: Task, fit: Fit) -> FitResult:
         model = dataclasses.replace(model, scale=scale)
     with one_thread():
         losses, errors = model.losses(held_out), model.evaluate(held_out)
-        worst = held_out[int(losses.losses.argmax())]
+        worst = held_out[int(losses.loss.argmax())]
         path = model.rollout(worst.states[0], worst.actions, ground=worst.ground)
-    evaluation = losses, errors, worst.name, path
-    return FitResult(fit, minutes_of(learn), seconds, *evaluation)
+    return FitResult(fit, minutes_of(learn), seconds, losses, errors, path)
 
 
 #: Pretrained weights of this process, and the seconds they took, by what they depend

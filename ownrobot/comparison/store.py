@@ -6,7 +6,6 @@ import functools
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +14,6 @@ import ownrobot
 import sidm
 from ownrobot.comparison.plan import Fit, Task
 from ownrobot.comparison.result import FitResult
-from ownrobot.fitting.errors import DriveLosses
 from ownrobot.fitting.windows import ground_key
 from ownrobot.versions import library_versions, source_digest
 from sidm.config import to_mapping
@@ -62,13 +60,9 @@ def write_outcome(path: Path, outcome: FitResult | str) -> None:
     if isinstance(outcome, str):
         write_record(path, {"fault": outcome})
         return
-    losses = {
-        name: None if entry is None else entry.tolist()
-        for name, entry in outcome.losses._asdict().items()
-    }
-    values = outcome._asdict() | {"fit": outcome.fit._asdict(), "losses": losses}
-    tables = {"errors": outcome.errors.to_dict("list"), "path": outcome.path.tolist()}
-    write_record(path, values | tables)
+    values = outcome._asdict() | {"fit": outcome.fit._asdict()}
+    values |= {name: values[name].to_dict("list") for name in ("losses", "errors")}
+    write_record(path, values | {"path": outcome.path.tolist()})
 
 
 def read_outcome(path: Path, fit: Fit) -> FitResult | str | None:
@@ -82,14 +76,6 @@ def read_outcome(path: Path, fit: Fit) -> FitResult | str | None:
         return None
     if "fault" in values:
         return str(values["fault"])
-    losses: dict[str, Any] = {
-        name: None if entry is None else np.array(entry)
-        for name, entry in values["losses"].items()
-    }
-    read = {
-        "fit": fit,
-        "losses": DriveLosses(**losses),
-        "errors": pd.DataFrame(values["errors"]),
-        "path": np.array(values["path"]),
-    }
-    return FitResult(**(values | read))
+    tables = {name: pd.DataFrame(values[name]) for name in ("losses", "errors")}
+    read = {"fit": fit, "path": np.array(values["path"])}
+    return FitResult(**(values | tables | read))

@@ -8,7 +8,7 @@ of y one step ahead, and of the displacement, the turn and each number at a hori
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -20,6 +20,9 @@ from sidm.body import SI, Body
 from sidm.config import config, counted
 from sidm.drives import Drive
 from sidm.learning.observation import heading_of, transition
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ONE_STEP, OPEN_LOOP = "one step", "open loop"
 
@@ -48,49 +51,21 @@ class Score:
         return f"loss {self.loss:.3g}{spread} on {drives} of {sessions}{folds}{trivial}"
 
 
-class DriveLosses(NamedTuple):
-    """Losses of N drives, an entry for each; a loss is a mean over a drive's steps."""
-
-    components: np.ndarray  # (N, Y), terms of equation (1); their sum is the loss
-    mean_components: np.ndarray | None  # (N, Y), of predicting the mean, if known
-    steps: np.ndarray  # (N,), number of steps
-    drives: np.ndarray  # (N,), names
-    sessions: np.ndarray  # (N,), names of the sessions
-
-    @property
-    def losses(self) -> np.ndarray:
-        """(N,), mean loss of a step of each drive."""
-        return self.components.sum(1)
-
-    @property
-    def loss(self) -> float:
-        """Mean loss of a step."""
-        return float(np.average(self.losses, weights=self.steps))
-
-    @classmethod
-    def joined(cls, parts: Sequence[DriveLosses]) -> DriveLosses:
-        """The drives of several parts."""
-        fields: list[Any] = [
-            None if any(values is None for values in field) else np.concatenate(field)
-            for field in zip(*parts, strict=True)
-        ]
-        return cls(*fields)
-
-    def score(self, folds: int = 1) -> Score:
-        """The mean over all steps."""
-        sessions, numbers = np.unique(self.sessions), np.arange(len(self.steps))
-        groups = self.sessions if len(sessions) > 1 else numbers
-        mean = self.mean_components
-        return Score(
-            loss=self.loss,
-            standard_error=standard_error(self.losses, groups, self.steps),
-            mean_loss=None
-            if mean is None
-            else float(np.average(mean.sum(1), weights=self.steps)),
-            drives=len(numbers),
-            sessions=len(sessions),
-            folds=folds,
-        )
+def score_of(losses: pd.DataFrame, folds: int = 1) -> Score:
+    """The mean over all steps of drives, whose losses are those of `Model.losses`."""
+    sessions = losses.session.nunique()
+    groups = losses.session if sessions > 1 else losses.index
+    means = losses["mean"]
+    return Score(
+        loss=float(np.average(losses.loss, weights=losses.steps)),
+        standard_error=standard_error(losses.loss, groups, losses.steps),
+        mean_loss=None
+        if means.isna().any()
+        else float(np.average(means, weights=losses.steps)),
+        drives=len(losses),
+        sessions=sessions,
+        folds=folds,
+    )
 
 
 def standard_error(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from ownrobot.fitting.arguments import drives_from, robots_from
-from ownrobot.fitting.errors import DriveLosses
+from ownrobot.fitting.errors import score_of
 from ownrobot.fitting.files import ABOUT, refuse_folder
 from ownrobot.fitting.learning import (
     NOTHING,
@@ -131,7 +131,10 @@ def fit(
         how |= {"state": state and state / f"fold{number}", "notify": False}
         losses.append(fit_drives(part, experts, method, chosen, **how).losses(rest))
     if losses:
-        model = replace(model, held_out=DriveLosses.joined(losses).score(len(losses)))
+        import pandas as pd
+
+        joined = pd.concat(losses, ignore_index=True)
+        model = replace(model, held_out=score_of(joined, len(losses)))
     if out is not None:
         if (Path(out) / ABOUT).exists():
             warnings.warn(Notice(f"{out}: the model there is replaced"), stacklevel=2)

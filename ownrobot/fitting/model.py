@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from ownrobot.fitting.arguments import drives_from
-from ownrobot.fitting.errors import DriveLosses, Score, one_step_rows, open_loop_rows
+from ownrobot.fitting.errors import Score, one_step_rows, open_loop_rows, score_of
 from ownrobot.fitting.files import read_model, write_model
 from ownrobot.fitting.windows import Steps, common_length, cut, predict_steps, rollouts
 from sidm.body import Body
@@ -75,23 +75,29 @@ class Model:
             >>> model.score("recordings/warthog.csv.gz").drives
             287
         """
-        return self.losses(self._drives(drives, topics)).score()
+        return score_of(self.losses(self._drives(drives, topics)))
 
-    def losses(self, drives: list[Drive]) -> DriveLosses:
-        """Losses of drives that have the model's body."""
-        terms, mean_terms = [], []
-        for predicted, actual in self._one_step(drives):
-            terms.append(self._terms(predicted, actual))
+    def losses(self, drives: Sequence[Drive]) -> pd.DataFrame:
+        """The loss of each of the drives, which have the model's body, in their order.
+
+        Returns:
+            The columns of `evaluate_drives`, with the number of `steps` in place of the
+            seconds.
+        """
+        import pandas as pd
+
+        rows = []
+        for drive, (predicted, actual) in zip(
+            drives, self._one_step(drives), strict=True
+        ):
+            terms, mean = self._terms(predicted, actual), np.nan
             if self.target_mean is not None:
-                mean = self.target_mean.expand_as(actual)
-                mean_terms.append(self._terms(mean, actual))
-        return DriveLosses(
-            np.stack(terms),
-            np.stack(mean_terms) if mean_terms else None,
-            np.array([len(drive) for drive in drives]),
-            np.array([drive.name for drive in drives]),
-            np.array([drive.session for drive in drives]),
-        )
+                mean = self._terms(self.target_mean.expand_as(actual), actual).sum()
+            worst = self.body.targets[terms.argmax()]
+            about = drive.name, drive.session, len(drive)
+            rows.append((*about, terms.sum(), mean, worst))
+        names = ["drive", "session", "steps", "loss", "mean", "worst"]
+        return pd.DataFrame(rows, columns=names)
 
     def _terms(self, predicted: Tensor, actual: Tensor) -> np.ndarray:
         """Terms (Y,) of equation (1), means over the steps."""
@@ -145,21 +151,8 @@ class Model:
             of a step; `mean`, the loss of predicting the mean of the training drives;
             `worst`, the component of y with the largest part of the loss.
         """
-        import pandas as pd
-
-        checked = self._drives(drives, topics)
-        losses = self.losses(checked)
-        means = losses.mean_components
-        table = pd.DataFrame(
-            {
-                "drive": losses.drives,
-                "session": losses.sessions,
-                "seconds": losses.steps / self.body.rate,
-                "loss": losses.losses,
-                "mean": np.nan if means is None else means.sum(1),
-                "worst": np.array(self.body.targets)[losses.components.argmax(1)],
-            }
-        )
+        table = self.losses(self._drives(drives, topics))
+        table.insert(2, "seconds", table.pop("steps") / self.body.rate)
         return table.sort_values("loss", ascending=False, ignore_index=True)
 
     def _drives(self, drives: Drives, topics: Sequence[str]) -> list[Drive]:

@@ -18,7 +18,6 @@ from ownrobot.comparison.statistics import (
     resampled_mean,
     resampled_ratio,
 )
-from ownrobot.fitting.errors import DriveLosses
 from ownrobot.recordings import write_drives
 from sidm.config import ConfigError, Notice
 from tests.ownrobot.cart import cart_drive
@@ -147,7 +146,7 @@ NOISE = 0.02 * np.random.default_rng(0).standard_normal((3, 2, 8))
 def made_comparison(losses):
     """A comparison with losses: method -> of half and of all data, and their spread."""
     plan = plan_for(cart_drives(), None, list(losses), 4, 2, [0.5, 1.0])
-    name, results = np.array(["a"]), []
+    results = []
     for (method, (half, whole, spread)), noise in zip(
         losses.items(), NOISE, strict=False
     ):
@@ -155,8 +154,9 @@ def made_comparison(losses):
         for fit in plan.fits():
             if fit.method == method:
                 row = values[int(fit.share), 4 * fit.repeat + fit.fold]
-                one = DriveLosses(np.array([[row]]), None, np.array([10]), name, name)
-                about = (fit.share, 1.0, one, pd.DataFrame(), "a", np.zeros((1, 4)))
+                one = {"drive": "a", "session": "a", "steps": 10, "loss": row}
+                one = pd.DataFrame([one | {"mean": np.nan, "worst": "x"}])
+                about = (fit.share, 1.0, one, pd.DataFrame(), np.zeros((1, 4)))
                 results.append(FitResult(fit, *about))
     return Comparison(plan, results, (), [])
 

@@ -4,13 +4,14 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 import ownrobot
-from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP, DriveLosses, standard_error
+from ownrobot.fitting.errors import ONE_STEP, OPEN_LOOP, score_of, standard_error
 from ownrobot.fitting.model import WARM_UP, Model
 from ownrobot.fitting.splits import (
     divided,
@@ -139,7 +140,7 @@ def test_few_sessions_judge_in_folds_and_the_model_learns_from_all(warthog):
     model = ownrobot.fit(few, test=0.25)
     assert (model.held_out.folds, model.held_out.drives) == (len(splits), 20) == (4, 20)
     losses = [ownrobot.fit(learnt).losses(held_out) for learnt, held_out in splits]
-    assert DriveLosses.joined(losses).score(4) == model.held_out
+    assert score_of(pd.concat(losses, ignore_index=True), 4) == model.held_out
     assert model.loss(few) == ownrobot.fit(few).loss(few)
     assert evaluation_splits(warthog[:1], 0.25, seed=0) == []
 
@@ -159,10 +160,10 @@ def test_the_standard_error_covers_the_loss_of_many_sessions():
 def test_a_long_drive_counts_by_its_steps():
     """The score is the mean over steps, as if each step stood for itself."""
     rng = np.random.default_rng(1)
-    steps, components = rng.integers(1, 9, 6), rng.random((6, 3))
-    sessions = np.array(list("aabbcc"))
-    score = DriveLosses(components, 2 * components, steps, sessions, sessions).score()
-    single = np.repeat(components.sum(1), steps)
+    steps, losses, sessions = rng.integers(1, 9, 6), rng.random(6), list("aabbcc")
+    table = {"session": sessions, "steps": steps, "loss": losses, "mean": 2 * losses}
+    score = score_of(pd.DataFrame(table))
+    single = np.repeat(losses, steps)
     assert score.loss == pytest.approx(single.mean())
     assert score.mean_loss == pytest.approx(2 * single.mean())
     error = standard_error(single, np.repeat(sessions, steps))
