@@ -150,7 +150,6 @@ def _means(seeds: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:
     means = seeds.groupby(point).loss.mean().reset_index()
     labels = saved.method.map(METHOD_LABELS)
     times = saved.assign(method=labels, saved=ratio_texts(saved))
-    times = times[times.against == "novice_only"]
     times = times.rename(columns={"novice_minutes": "minutes"})[[*point, "saved"]]
     # without savings or results a column has no type of its own
     table = means.astype({"minutes": float}).merge(

@@ -106,7 +106,7 @@ def coverage(
 def mean_curves_interval(study: np.ndarray) -> tuple[float, float]:
     """The interval of `savings` at 5 min, of losses (S, 2, M), SIDM first."""
     seeds = np.arange(len(study))
-    sidm, other = (Losses(MINUTES, study[:, [side]], seeds) for side in (0, 1))
+    sidm, other = (Losses(MINUTES, study[:, side], seeds) for side in (0, 1))
     return savings_between(sidm, other)[SIZE][4:6]
 
 

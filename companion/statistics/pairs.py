@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from companion.methods import COMPARED
 from companion.statistics.intervals import interval, mean_ratio, ratio_of_means
 from ownrobot.comparison.statistics import Interval
 
@@ -139,35 +138,23 @@ def unique_results(
 
 
 class Losses(NamedTuple):
-    """The complete part of results: S seeds, K methods, M sizes."""
+    """A method's complete results on one system: S seeds, M sizes."""
 
     minutes: np.ndarray  # (M,) rising
-    values: np.ndarray  # (S, K, M)
+    values: np.ndarray  # (S, M)
     seeds: np.ndarray  # (S,)
 
 
-def complete(
-    frame: pd.DataFrame,
-    system: str,
-    methods: Sequence[str] = COMPARED,
-    value: str = "validation_loss",
-) -> Losses:
-    """A column of a system's results as an array over seeds, methods and sizes.
+def complete(results: pd.DataFrame, value: str = "validation_loss") -> Losses:
+    """A column of a method's results on one system as an array over seeds and sizes.
 
-    Sizes that one of the methods lacks for all seeds are left out, then seeds that lack
-    one of the remaining sizes. Two results of one point raise ValueError.
+    Seeds that lack a size are left out. Two results of one point raise ValueError.
     """
-    results = unique_results(frame, system, methods)
-    wide = results.pivot(
-        index="seed", columns=["method", "novice_minutes"], values=value
+    wide = results.pivot(index="seed", columns="novice_minutes", values=value)
+    whole = wide.dropna()
+    return Losses(
+        whole.columns.to_numpy(float), whole.to_numpy(float), whole.index.to_numpy(int)
     )
-    have = [set(wide.get(method, wide[:0]).columns) for method in methods]
-    sizes = sorted(set.intersection(*have)) if len(wide.columns) else []
-    columns = [(method, size) for method in methods for size in sizes]
-    whole = wide.reindex(columns=columns).dropna()
-    count = len(whole) if sizes else 0
-    values = whole.to_numpy(float).reshape(count, len(methods), len(sizes))
-    return Losses(np.array(sizes, float), values, whole.index.to_numpy(int)[:count])
 
 
 def interval_texts(ends: pd.DataFrame, digits: int = 3) -> list[str]:

@@ -13,17 +13,20 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from companion.methods import COMPARED
 from companion.statistics.intervals import FEWEST_SEEDS, interval
 from companion.statistics.pairs import (
     Losses,
     complete,
     interval_texts,
     paired_comparison,
+    unique_results,
 )
 from ownrobot.comparison.statistics import Interval, mean_interval, significant
 
 NUMBERS = ["novice_minutes", "seeds", "loss", "ratio", "low", "high"]
-COLUMNS = ["system", "method", "against", *NUMBERS, "bound"]
+COLUMNS = ["system", "method", *NUMBERS, "bound"]
+ALONE = COMPARED[1]  # training without SIDM
 NO_VALUE = "no value"  # of a ratio from too few seeds
 
 
@@ -129,35 +132,35 @@ def _in_words(ratios: np.ndarray, beyond: np.ndarray, below: np.ndarray) -> str:
 def savings(
     frame: pd.DataFrame,
     methods: Sequence[str] = ("sidm",),
-    against: Sequence[str] = ("novice_only",),
     value: str = "validation_loss",
     held_out: float = 0.0,
 ) -> pd.DataFrame:
-    """Novice data of each comparison divided by the method's, at equal loss.
+    """Novice data of training without SIDM divided by the method's, at equal loss.
 
     Seeds that lack one of a method's sizes are left out; `held_out` is as in
     `intervals.interval`.
 
     Returns:
-        One row per system, method, comparison and size. `loss` is the method's, from
-        its isotonic fit; `ratio`, the data of the comparison for this loss by the data
-        of the method; `low` and `high`, the ends of its 95 % interval, NaN if the ratio
+        One row per system, method and size. `loss` is the method's, from its isotonic
+        fit; `ratio`, the data of training alone for this loss by the data of the
+        method; `low` and `high`, the ends of its 95 % interval, NaN if the ratio
         without one of the seeds is a bound; `bound`, how to read the ratio: '=', '>='
         or '<='.
     """
     rows: list[tuple] = []
     for system in dict.fromkeys(frame.system):
         for method in methods:
-            losses = complete(frame, system, [method], value)
-            for name in against:
-                other = complete(frame, system, [name], value)
-                rows_found = savings_between(losses, other, held_out)
-                rows += [(system, method, name, *row) for row in rows_found]
+            own, alone = (
+                complete(unique_results(frame, system, [name]), value)
+                for name in (method, ALONE)
+            )
+            found = savings_between(own, alone, held_out)
+            rows += [(system, method, *row) for row in found]
     return pd.DataFrame(rows, columns=COLUMNS).astype(dict.fromkeys(NUMBERS, float))
 
 
 def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[tuple]:
-    """Data ratio between two methods with one curve each (K = 1).
+    """Data ratio between two methods.
 
     A tuple per size of `own`: minutes, number of seeds, loss, ratio, low, high, bound.
     The divisor is the size itself, also where the fit is level and a smaller size would
@@ -167,9 +170,7 @@ def savings_between(own: Losses, other: Losses, held_out: float = 0.0) -> list[t
     if not (seeds.size and count and len(other.minutes)):
         return []
     # (S, M + N)
-    both = np.hstack(
-        [side.values[np.isin(side.seeds, seeds), 0] for side in (own, other)]
-    )
+    both = np.hstack([side.values[np.isin(side.seeds, seeds)] for side in (own, other)])
 
     def at_size(losses: np.ndarray, size: int) -> tuple[float, float, str]:
         mean = losses.mean(0)
@@ -213,11 +214,8 @@ def with_savings(
     rows: list[tuple] = []
     for key, group in frame.groupby(point[:-1], sort=False):
         other = reference[(reference[list(on)] == list(key[: len(on)])).all(axis=1)]
-        own_losses, other_losses = (
-            complete(side.assign(method="any"), str(key[0]), ["any"], "loss")
-            for side in (group, other)
-        )
-        for minutes, _, _, *ends in savings_between(own_losses, other_losses):
+        own, others = (complete(side, "loss") for side in (group, other))
+        for minutes, _, _, *ends in savings_between(own, others):
             rows.append((*key, minutes, *ends))
     saved = pd.DataFrame(
         rows, columns=[*point, "saved", "saved_low", "saved_high", "bound"]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,7 +33,7 @@ from companion.methods import (
 )
 from companion.statistics.claims import BETTER, NO_VERDICT, WORSE, ratio_verdicts
 from companion.statistics.pairs import paired_comparison
-from companion.studies import ablations
+from companion.studies import ablations, choices
 from companion.studies.reproduction import with_repeats
 from companion.study import Study
 from companion.trials import Trial
@@ -53,61 +53,37 @@ REPLACED = (
     "expert_only",
 )
 
-#: Column of a diagnosis -> the expert's parts that predicted the novice's motion.
-CROSSED = {
-    "expert_encoder_loss": "the expert's encoder",
-    "expert_decoder_loss": "the expert's decoder",
-    "expert_path_loss": "both of the expert's",
-}
-
 UNCHANGED = "as it is"
 #: Pair of robots -> marker of its dots.
 MARKERS = dict(zip(PAPER_SYSTEMS, ("o", "s"), strict=True))
 POINT = ["system", "novice_minutes"]
 
 
-class Change(NamedTuple):
-    """A change of SIDM that tests what might limit it, and the trials that it needs."""
-
-    change: str
-    figure: str  # the grid that has these trials, as `companion run --figure` names it
-    trials: list[Trial]
-
-
-def changes(study: Study, system: str) -> Iterator[Change]:
-    """All changes of a system's SIDM that are made by training it differently."""
+def changes(study: Study, system: str) -> Iterator[tuple[str, list[Trial]]]:
+    """All changes of a system's SIDM by training it differently, with their trials."""
     preset = study.preset
     sizes, sidm = preset.baseline_minutes, preset.training_of(METHODS["sidm"], system)
     for method in REPLACED:
         # expert_only uses no novice data: one size is enough
         at = sizes[:1] if method == "expert_only" else sizes
-        trials = study.points(system, [method], at)
-        yield Change(METHODS[method].label, "baselines", trials)
-    for choice, (settings, methods) in CHOICES.items():
-        if "sidm" in methods:
-            small = preset.ablation_minutes[:1]
-            trials = study.changed(**settings).points(system, ["sidm"], small)
-            yield Change(choice, "choices", trials)
-    both = study.changed(**RELEASED[BOTH_OF_SIDM][0])
-    trials = both.points(system, ["sidm"], preset.novice_minutes(system))
-    yield Change(BOTH_OF_SIDM, "released", trials)
+        yield METHODS[method].label, study.points(system, [method], at)
+    chosen = CHOICES | {BOTH_OF_SIDM: RELEASED[BOTH_OF_SIDM]}
+    for choice, trials in choices.changed(study, system, chosen).items():
+        yield choice, [trial for trial in trials if trial.method == "sidm"]
     for p in ablations.VALUES["p_expert"]:
         if p not in (None, 0.0, sidm.p_expert):
-            trials = ablations.ablation(study, system, "p_expert", [p])
-            yield Change(f"p_e of {p:g}", "p-expert", trials)
+            yield f"p_e of {p:g}", ablations.ablation(study, system, "p_expert", [p])
     for phase, values in ablations.ITERATIONS.items():
         for value in values:
             if value not in (0, getattr(sidm, phase)):
                 trials = ablations.ablation(study, system, phase, [value])
-                change = f"{value} {phase.replace('_', ' ')}"
-                yield Change(change, "iterations", trials)
+                yield f"{value} {phase.replace('_', ' ')}", trials
     for pixels in ablations.VALUES["pixels"]:
         if pixels != preset.network.pixels:
             trials = ablations.ablation(study, system, "pixels", [pixels])
             trials = [trial for trial in trials if trial.method == "sidm"]
-            yield Change(f"maps of {pixels} pixels", "pixels", trials)
-    for change, trials in ablations.most_data(study, system).items():
-        yield Change(change, "most-data", trials)
+            yield f"maps of {pixels} pixels", trials
+    yield from ablations.most_data(study, system).items()
 
 
 def _unchanged(study: Study, system: str) -> list[Trial]:
@@ -120,7 +96,7 @@ def _unchanged(study: Study, system: str) -> list[Trial]:
 def trials(study: Study, system: str) -> list[Trial]:
     """The trials of SIDM as it is and with every change, each once."""
     every = _unchanged(study, system)
-    every += [trial for change in changes(study, system) for trial in change.trials]
+    every += [trial for _, trials in changes(study, system) for trial in trials]
     return list({trial.key: trial for trial in every}.values())
 
 
@@ -128,8 +104,8 @@ def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
     """Stored results by `change`; SIDM itself has change UNCHANGED."""
     parts = []
     for system in systems:
-        unchanged = Change(UNCHANGED, "", _unchanged(study, system))
-        for change, _, trials in (unchanged, *changes(study, system)):
+        unchanged = UNCHANGED, _unchanged(study, system)
+        for change, trials in (unchanged, *changes(study, system)):
             parts.append(store.frame(trials, curves=True).assign(change=change))
     return pd.concat(parts)
 
@@ -137,27 +113,16 @@ def frame(study: Study, store: Results, systems: Iterable[str]) -> pd.DataFrame:
 def table(frame: pd.DataFrame, results: str | Path) -> pd.DataFrame:
     """Ratios of the losses of changed SIDMs to the losses of the unchanged SIDM.
 
-    A pair is on one motion, where the unchanged SIDM was repeated on the other's. The
-    table is made by `pairs.paired_comparison`, with a `verdict`, sorted by system, size
-    and ratio, the lowest ratio first.
+    Both losses of a ratio are from the same simulated motion, if the unchanged SIDM was
+    also run on the motion of the other machine. The table is made by
+    `pairs.paired_comparison`, with a `verdict`, sorted by system, size and ratio, the
+    lowest ratio first.
     """
     sidm = frame.change == UNCHANGED
     reference = with_repeats(frame[sidm], results)
     compared = paired_comparison(frame[~sidm], reference, POINT, ["change"])
     compared["verdict"] = ratio_verdicts(compared)
     return compared.sort_values([*POINT, "ratio"], ignore_index=True)
-
-
-def crossings(diagnoses: pd.DataFrame) -> pd.DataFrame:
-    """Ratio of the novice's loss through the expert's parts to that through its own.
-
-    `diagnoses` have one row per model. The `change` is a text of CROSSED.
-    """
-    crossed = [
-        diagnoses.assign(validation_loss=diagnoses[column], change=parts)
-        for column, parts in CROSSED.items()
-    ]
-    return paired_comparison(pd.concat(crossed), diagnoses, POINT, ["change"])
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:

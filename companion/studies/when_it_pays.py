@@ -12,7 +12,7 @@ same actions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -243,40 +243,29 @@ def gaps_for_page(gaps: pd.DataFrame) -> pd.DataFrame:
     return gaps[[*names]].rename(columns=names)
 
 
-class Group(NamedTuple):
-    """Results of pairs of robots that were learnt in the same way.
-
-    Attributes:
-        frame: results as those of Figure 3; each pair is a system
-        size: the novice dataset size nearest to a minute, in the units of the frame's
-            `novice_minutes`
-        value: column of the losses
-        pair: the pair whose gap all these systems have; each its own unless given
-        held_out: the share of the same data that each seed is evaluated on, where seeds
-            only split them differently
-    """
-
-    frame: pd.DataFrame
-    size: float
-    value: str = "validation_loss"
-    pair: str = ""
-    held_out: float = 0.0
-
-
-def saved(groups: Mapping[str, Group]) -> pd.DataFrame:
+def savings_of(
+    kind: str, frame: pd.DataFrame, size: float = 1.0, pair: str = "", **options: Any
+) -> pd.DataFrame:
     """Novice data of training without SIDM divided by each method's, at equal loss.
 
-    The method has about a minute of the novice's motion. The table is made by
-    `savings`, one row per `kind`, `system` and method that has results, with the `pair`
-    whose gap belongs to the row.
+    The method has about a minute of the novice's motion.
+
+    Args:
+        kind: of the pairs of robots.
+        frame: results as those of Figure 3; each pair is a system.
+        size: the novice dataset size nearest to a minute, in the units of the frame's
+            `novice_minutes`.
+        pair: the pair whose gap all these systems have; each its own unless given.
+        options: of `savings`.
+
+    Returns:
+        The table of `savings`, one row per system and method that has results, with
+        `kind`, and the `pair` whose gap belongs to the row.
     """
-    parts = []
-    for kind, (frame, size, value, pair, held_out) in groups.items():
-        methods = [name for name in SAVING if name in set(frame.method)]
-        rows = savings(frame, methods, ("novice_only",), value, held_out)
-        rows = rows[rows.novice_minutes == size]
-        parts.append(rows.assign(kind=kind, pair=pair or rows.system))
-    return pd.concat(parts, ignore_index=True)
+    methods = [name for name in SAVING if name in set(frame.method)]
+    rows = savings(frame, methods, **options)
+    rows = rows[rows.novice_minutes == size]
+    return rows.assign(kind=kind, pair=pair or rows.system)
 
 
 def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
@@ -294,27 +283,28 @@ def family_of(frame: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     return both.assign(system="family")
 
 
-def groups(
+def saved(
     figure3: pd.DataFrame,
     free: pd.DataFrame,
     bodies: pd.DataFrame,
     relatives: pd.DataFrame,
     recorded: pd.DataFrame,
-) -> dict[str, Group]:
-    """Kinds of pairs -> their results, for `saved`.
+) -> pd.DataFrame:
+    """`savings_of` all kinds of pairs.
 
     The results are those of Figure 3, the same with free struts, novices with other
     bodies, records of several experts, and records of real robots.
     """
     member = family_of(figure3, family_results.table(relatives))
     real = robot_results.long(recorded)
-    return {
-        PAPER: Group(figure3, 1.0),
-        FREE: Group(free, 1.0),
-        FAMILY: Group(member, 1.0),
-        BODIES: Group(by_novice(bodies), 1.0, pair="system1"),
-        REAL: Group(real, 8.0, "loss", held_out=HELD_OUT),
-    }
+    kinds = [
+        savings_of(PAPER, figure3),
+        savings_of(FREE, free),
+        savings_of(FAMILY, member),
+        savings_of(BODIES, by_novice(bodies), pair="system1"),
+        savings_of(REAL, real, 8.0, value="loss", held_out=HELD_OUT),
+    ]
+    return pd.concat(kinds, ignore_index=True)
 
 
 def table(gaps: pd.DataFrame, saved: pd.DataFrame) -> pd.DataFrame:

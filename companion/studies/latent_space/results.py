@@ -16,6 +16,7 @@ from companion.figures.style import (
     legend_below,
     system_label,
 )
+from companion.statistics.pairs import paired_comparison
 from ownrobot.plots import finish, side_by_side, styled
 from sidm.systems import PAPER_SYSTEMS, ROLES
 
@@ -60,6 +61,20 @@ def page_table(frame: pd.DataFrame, measures: Iterable[str]) -> pd.DataFrame:
     means = table(frame, measures)
     labels = means.method.map(METHOD_LABELS)
     return means.assign(method=labels).rename(columns=HEADINGS)
+
+
+def crossings(frame: pd.DataFrame) -> pd.DataFrame:
+    """Ratio of the novice's loss through the expert's parts to that through its own.
+
+    `frame` has one row per model. The `change` is a text of CROSSED.
+    """
+    own, *columns = CROSSED
+    crossed = [
+        frame.assign(**{own: frame[column], "change": CROSSED[column]})
+        for column in columns
+    ]
+    point = ["system", "novice_minutes"]
+    return paired_comparison(pd.concat(crossed), frame, point, ["change"])
 
 
 @styled

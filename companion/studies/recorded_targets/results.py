@@ -138,11 +138,10 @@ def by_size(table: pd.DataFrame, other: Way) -> pd.DataFrame:
     worth = {}
     without_data = rest[rest.novice_minutes == 0]
     for key, group in without_data.groupby(point, sort=False):
-        losses = complete(others, str(key[0]), [other[0]], "loss")
+        losses = complete(others[others.system == key[0]], "loss")
         if losses.values.size:
-            worth[key] = savings.minutes_text(
-                losses.minutes, losses.values[:, 0].mean(0), group.loss.mean()
-            )
+            curve, loss = losses.values.mean(0), group.loss.mean()
+            worth[key] = savings.minutes_text(losses.minutes, curve, loss)
     keys = means[point].itertuples(index=False, name=None)
     return means.assign(worth=[worth.get(key, "") for key in keys])
 

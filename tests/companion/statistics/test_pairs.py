@@ -11,6 +11,7 @@ from companion.statistics.pairs import (
     page_table,
     paired_comparison,
     pooled_comparison,
+    unique_results,
 )
 from companion.statistics.tables import wide
 from sidm.config import replace
@@ -78,21 +79,19 @@ def test_sizes_are_taken_together_by_the_geometric_mean(sides):
 
 
 def test_what_is_complete_is_kept(figure3_frame, figure3_rows, make_row):
-    """Sizes that a method lacks are removed first, then seeds that lack any size."""
-    rows = complete(figure3_frame, "system1")
-    assert rows.values.shape == (3, 2, 6)
-    assert rows.values[0, 0] == pytest.approx((4 * rows.minutes) ** -0.5)
-    part = figure3_frame[
-        (figure3_frame.method != "sidm") | (figure3_frame.novice_minutes != 60)
-    ]
-    part = complete(part[(part.seed != 2) | (part.novice_minutes != 5)], "system1")
-    assert part.minutes.tolist() == [1, 2, 5, 20, 120]
-    assert part.values.shape == (2, 2, 5) and part.seeds.tolist() == [0, 1]
-    assert complete(figure3_frame[:0], "system1").values.size == 0
+    """Seeds that lack a size are left out."""
+    sidm = unique_results(figure3_frame, "system1", ["sidm"])
+    rows = complete(sidm)
+    assert rows.values.shape == (3, 6)
+    assert rows.values[0] == pytest.approx((4 * rows.minutes) ** -0.5)
+    part = complete(sidm[(sidm.seed != 2) | (sidm.novice_minutes != 5)])
+    assert part.minutes.tolist() == [1, 2, 5, 20, 60, 120]
+    assert part.values.shape == (2, 6) and part.seeds.tolist() == [0, 1]
+    assert complete(figure3_frame[:0]).values.size == 0
     first = figure3_rows[0].trial
     other = make_row(first.replace(training=replace(first.training, p_expert=0.1)))
     with pytest.raises(ValueError, match="two results of system1 at one point"):
-        complete(frame_of([*figure3_rows, other]), "system1")
+        unique_results(frame_of([*figure3_rows, other]), "system1", ["sidm"])
 
 
 def test_a_wide_table_keeps_its_order_and_has_a_dash_where_nothing_is():

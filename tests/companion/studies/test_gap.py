@@ -8,7 +8,7 @@ from companion import Study
 from companion.registry import MEASUREMENTS
 from companion.studies import nearest_neighbours, simulated_gap, when_it_pays
 from companion.studies.several_experts import results as family_results
-from companion.studies.when_it_pays import Group, PlanarMotion
+from companion.studies.when_it_pays import PlanarMotion
 from sidm.storage import write_record
 from sidm.systems import FREE_SYSTEMS, SYSTEMS
 from tests.companion.conftest import RESULTS
@@ -134,9 +134,7 @@ def results(**losses) -> pd.DataFrame:
 
 def test_savings_stand_beside_the_gap(tmp_path):
     """Fine-tuning with one minute is as good as training alone with four."""
-    nothing = when_it_pays.saved(
-        {"none": Group(results(novice_only={1.0: 4.0})[:0], 1.0)}
-    )
+    nothing = when_it_pays.savings_of("none", results(novice_only={1.0: 4.0})[:0])
     assert not len(when_it_pays.table(when_it_pays.gaps(tmp_path), nothing))
     errors = {"displacement": 0.4, "heading": 0.9}
     own = {"own_displacement": 0.1, "own_heading": 0.1}
@@ -147,9 +145,11 @@ def test_savings_stand_beside_the_gap(tmp_path):
     alone = {1.0: 4.0, 4.0: 2.0, 16.0: 1.0}
     frame = results(novice_only=alone, pretrain_finetune={1.0: 2.0, 4.0: 1.0})
     bodies = results(novice_only=alone, sidm=alone).assign(system="no map")
-    unlike = Group(bodies, 1.0, pair="system1")
-    groups = {when_it_pays.PAPER: Group(frame, 1.0), when_it_pays.BODIES: unlike}
-    table = when_it_pays.table(gaps, when_it_pays.saved(groups))
+    saved = [
+        when_it_pays.savings_of(when_it_pays.PAPER, frame),
+        when_it_pays.savings_of(when_it_pays.BODIES, bodies, pair="system1"),
+    ]
+    table = when_it_pays.table(gaps, pd.concat(saved))
     rows = table.set_index(["kind", "method"])
     assert rows.ratio[when_it_pays.PAPER, "pretrain_finetune"] == pytest.approx(
         4, rel=0.01
