@@ -40,9 +40,11 @@ def _trials(arguments: argparse.Namespace, preset: Any) -> list:
 
 def _refuse_choices(arguments: argparse.Namespace) -> None:
     """Refuse options of a grid of trials for what has no trials."""
-    names = "minutes", "seeds", "methods", "steps", "dask", "bundle", "seconds", "csv"
-    for name in names:
-        if getattr(arguments, name, None):
+    names = ["minutes", "seeds", "methods", "steps", "dask", "bundle", "seconds", "csv"]
+    if isinstance(registry.find(arguments.figure), registry.Measurement):
+        names.append("system")
+    for name in [*names, "device"]:
+        if getattr(arguments, name, None) not in (None, [], 0, "cpu"):
             raise ConfigError(
                 f"--{name} is for figures of trials; {arguments.figure} is measured "
                 "as a whole"
@@ -62,8 +64,10 @@ def run_collect(arguments: argparse.Namespace) -> int:
     preset, data, results = _preset(arguments), arguments.data, arguments.results
     if arguments.figure:
         needed: dict = motion_of(_trials(arguments, preset))
-    elif arguments.minutes or arguments.seeds or arguments.methods:
-        choices = "--minutes, --seeds and --methods"
+    elif any(
+        getattr(arguments, name) for name in ("minutes", "seeds", "methods", "steps")
+    ):
+        choices = "--minutes, --seeds, --methods and --steps"
         raise ConfigError(f"{choices} are of a figure: name one, --figure 3")
     else:
         systems = [arguments.system] if arguments.system else SYSTEMS
@@ -135,8 +139,9 @@ def run_show(arguments: argparse.Namespace) -> int:
     from companion.studies.decisive.design import overview_by_step
 
     folder = Path(arguments.results)
-    if arguments.results != "results" and not folder.is_dir():
-        raise ConfigError(f"{folder}: there is no such folder of results")
+    for given in (arguments.results, arguments.against):
+        if given not in (None, "results") and not Path(given).is_dir():
+            raise ConfigError(f"{given}: there is no such folder of results")
     store = Results(folder)
     if arguments.against:
         return _show_against(Results(arguments.against), store)
@@ -187,11 +192,16 @@ def _show_against(other: Any, store: Any) -> int:
 
 
 def run_merge(arguments: argparse.Namespace) -> int:
-    """Copy the results of another store into this one; print how many rows came."""
+    """Copy the rows of another store into this one; print how many came."""
     from companion import Results
+    from companion.tasks.run import records
 
     if not Path(arguments.other).is_dir():
         raise ConfigError(f"there is no folder '{arguments.other}'")
-    count = Results(arguments.results).take_in(Results(arguments.other))
+    of_studies = (study.module.records for study in registry.STUDIES.values())
+    count = sum(
+        make(arguments.results).take_in(make(arguments.other))
+        for make in (Results, records, *of_studies)
+    )
     print(f"{count} results taken in")
     return 0

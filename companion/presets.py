@@ -144,8 +144,9 @@ class Preset:
                 raise ConfigError(f"{name} must be positive, not {value}")
         if name.startswith("p_expert") and not 0 <= value <= 1:
             raise ConfigError(f"{name} must be from 0 to 1, not {value}")
-        if name.endswith("seeds") and name != "more_seeds":
-            if not 1 <= value <= MOST_SEEDS:
+        if name.endswith("seeds"):
+            numbers = [n for _, n in value] if name == "more_seeds" else [value]
+            if not all(1 <= number <= MOST_SEEDS for number in numbers):
                 raise ConfigError(f"{name} must be from 1 to {MOST_SEEDS}, not {value}")
 
     def _for_system(self, system: str, field: str) -> Any:

@@ -99,7 +99,7 @@ class Measurement(NamedTuple):
         """Measure, and write the file, where it lacks or is stale."""
         from sidm.storage import write_record
 
-        if self.state(results) != "stored":
+        if self.state(results, study) != "stored":
             module = importlib.import_module(f"companion.{self.module}")
             record = module.make(study, workers, data, results)
             made = {"numerics": versions(self.kind)} if self.kind else {}
@@ -110,11 +110,14 @@ class Measurement(NamedTuple):
         self, study: Study, pair: str | None, results: Path
     ) -> tuple[list[str], int]:
         """A line on the file, and how many files are missing."""
-        state = self.state(results)
+        state = self.state(results, study)
         return [f"{results / self.file}: {state}"], int(state != "stored")
 
-    def state(self, results: Path) -> str:
-        """'missing', 'stored', or 'stored, stale' if other versions made the file."""
+    def state(self, results: Path, study: Study) -> str:
+        """'missing', 'stored', or 'stored, ...' if it must be made again.
+
+        Other versions of the numbers made the file, or it names another preset.
+        """
         from sidm.storage import Damaged, read_record
 
         path = results / self.file
@@ -126,6 +129,9 @@ class Measurement(NamedTuple):
             raise ConfigError(
                 f"{path}: damaged ({error}); delete it and make it again"
             ) from None
+        made, asked = record.get("preset"), study.preset.name
+        if made not in (None, asked):
+            return f"stored, of preset {made}, not {asked}"
         stale = self.kind and record.get("numerics") != versions(self.kind)
         return "stored, stale" if stale else "stored"
 
@@ -158,7 +164,7 @@ FIGURES = {
     "most-data": Figure("studies.ablations.most_data_trials"),
 }
 
-#: Grids that only those presets have that name them.
+#: Grids that are of the figure 'all' only in presets whose `figures` name them.
 OPT_IN = (
     "decisive",
     "duration",

@@ -16,6 +16,9 @@ from sidm.pool import local_pool
 from sidm.shards import digest, load, missing_shards
 from sidm.systems import SYSTEMS, System
 
+#: Text between the name of a dataset and what of it a trial draws.
+PART = ", "
+
 
 def is_here(
     dataset: Dataset, data: str | Path = "data", which: Sequence[int] | None = None
@@ -43,7 +46,7 @@ def digests_of(used: Any, data: str | Path = "data") -> dict[str, str]:
     for kind, dataset in used.datasets.items():
         if kind == "novice" and isinstance(used, Trial):
             drawn = sorted(index for part in used.drawn for index in part.tolist())
-            name = f"{dataset.name}, {used.novice_minutes:g} min, seed {used.seed}"
+            name = f"{dataset.name}{PART}{used.novice_minutes:g} min, seed {used.seed}"
             found[name] = digest_of(dataset, data, tuple(drawn))
         else:
             found[dataset.name] = digest_of(dataset, data)

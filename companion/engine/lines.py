@@ -1,4 +1,4 @@
-"""Values as JSON lines, each with a checksum; of two about one thing the later counts.
+"""Values as JSON lines, each with a checksum.
 
 A line is appended whole. A last line that was never finished counts for nothing, and
 the next one is written in its place.

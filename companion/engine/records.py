@@ -17,9 +17,9 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from companion.engine import known_motion
 from companion.engine.datasets import digests_of
 from companion.engine.frame import records_frame
-from companion.engine.known_motion import refuse_mixed
 from companion.engine.lines import append, line_of, read_lines, write_lines
 from companion.engine.provenance import (
     THREADS,
@@ -159,9 +159,10 @@ class Records(Generic[F]):
     def drop(self, about: Any) -> None:
         """Delete the record about something, if it is there."""
         with locked(self.path):
-            known, key = self._lines(), key_of(about)
-            if key in known:
-                write_lines(self.path, [v for k, v in known.items() if k != key])
+            key = key_of(about)
+            if key in self.keys():
+                lines = self._lines().items()
+                write_lines(self.path, [line for k, line in lines if k != key])
 
     def _lines(self) -> dict[str, dict[str, Any]]:
         """The values of each line by its key; all callers share them."""
@@ -198,7 +199,7 @@ class Records(Generic[F]):
         found = {key: self._read(key, completed, curves) for key in keys}
         found = {key: values for key, values in found.items() if values is not None}
         seen = (values["provenance"]["digests"] for values in found.values())
-        refuse_mixed(seen, self.folder)
+        known_motion.refuse_mixed(seen, self.folder)
         return found
 
     def _read(self, key: str, read: Callable[[type, Any], Any], curves: bool) -> Any:
@@ -249,6 +250,26 @@ class Records(Generic[F]):
         """All stored records, in the order of their keys."""
         records = map(self.of_key, sorted(self.keys()))
         return [record for record in records if record is not None]
+
+    def take_in(self, other: Records[F]) -> int:
+        """Copy records, and what is known of their motion, from another store.
+
+        What this store has stays as it is, but for records of older versions of the
+        numbers: a record of today's versions takes their place.
+
+        Returns:
+            How many records were copied.
+        """
+        known_motion.take_in(other.folder, self.folder)
+        copied = 0
+        theirs: list[Any] = other.all()
+        for record in theirs:
+            known: Any = self.get(getattr(record, self.subject))
+            stale = record.provenance.stale
+            if known is None or (known.provenance.stale and not stale):
+                self.put(record)
+                copied += 1
+        return copied
 
     def frame(self, abouts: Iterable[Any] | None = None) -> pd.DataFrame:
         """The stored records, all by default, as a table: `frame.records_frame`.

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from companion.engine import known_motion
 from companion.engine.frame import table_of
 from companion.engine.records import Records
 from companion.engine.rows import CURVES, Failure, Row
@@ -63,22 +62,9 @@ class Results(Records[Row]):
         rows = self.values(keys, curves)
         return table_of(rows.items(), self.folder, curves)
 
-    def take_in(self, other: Results) -> int:
-        """Copy rows, failures and what is known of motion from another store.
-
-        What this store has stays as it is, but for rows of older versions of the
-        numbers: a row of today's versions takes their place.
-
-        Returns:
-            How many rows were copied.
-        """
-        known_motion.take_in(other.folder, self.folder)
-        copied = 0
-        for row in other.all():
-            known = self.get(row.trial)
-            if known is None or (known.provenance.stale and not row.provenance.stale):
-                self.put(row)
-                copied += 1
+    def take_in(self, other: Results) -> int:  # type: ignore[override]
+        """Copy failures too, of trials that have no row here."""
+        copied = super().take_in(other)
         for failure in other.failed.all():
             if self.get(failure.trial) is None and not self.failed.get(failure.trial):
                 self.failed.put(failure)

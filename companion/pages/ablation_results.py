@@ -100,6 +100,7 @@ class Ablations:
         """The SIDM's loss at a value by that at Figure 3's, at the smallest size."""
         rows = self.ratios[name]
         rows = rows[(rows.system == system) & (rows.value == value)]
+        rows = rows[rows.novice_minutes == min(self.sizes)]
         return ratio_text(rows[rows.method == "sidm"] if "method" in rows else rows)
 
     def figure(self, *names: str) -> Figure:

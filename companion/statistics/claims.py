@@ -130,6 +130,9 @@ def convergence_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
     table = paired_comparison(alone, sidm, by=(), difference=True)
     if not len(table):
         return pd.DataFrame(columns=list(COLUMNS))
+    known, seeds = table.low.notna(), table.seeds.min()
+    if known.any():
+        table = table[known]
     table = table.sort_values("novice_minutes")
     side = (table.low > 0).astype(int) - (table.high < 0)
     # the first size after the last one with another sign
@@ -141,8 +144,8 @@ def convergence_claim(frame: pd.DataFrame, system: str) -> pd.DataFrame:
         "system": system,
         "paper": "at about 2 h or 5 h",
         "value": start,
-        "ours": ours if np.isfinite(table.low.iloc[0]) else "-",
-        "seeds": table.seeds.min(),
+        "ours": ours if known.any() else "-",
+        "seeds": seeds,
         "verdict": UNCLEAR,
     }
     return pd.DataFrame([row], columns=list(COLUMNS))

@@ -26,9 +26,9 @@ def bootstrap(
 ) -> Interval:
     """Percentile bootstrap of `statistic` over the whole seeds of `samples` (S, ...).
 
-    The draws are always the same. Values of the statistic that are not finite are left
-    out of the percentiles; the order of the seeds must not count. The interval of one
-    seed is the value itself; that of a statistic that is not finite is NaN.
+    The draws are always the same; the order of the seeds must not count. The interval
+    of one seed is the value itself. It is NaN where the statistic of the samples or of
+    a draw is not finite: without these draws it would be too narrow.
     """
     samples = np.asarray(samples, float)
     count, rng = len(samples), np.random.default_rng(0)
@@ -37,8 +37,7 @@ def bootstrap(
     different, times = np.unique(draws, axis=0, return_counts=True)
     value = float(statistic(samples))
     values = np.repeat([statistic(samples[draw]) for draw in different], times)
-    values = values[np.isfinite(values)]
-    if not (np.isfinite(value) and len(values)):
+    if not (np.isfinite(value) and np.isfinite(values).all()):
         return Interval(value, np.nan, np.nan)
     low, high = np.percentile(values, [50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)])
     return Interval(value, float(low), float(high))

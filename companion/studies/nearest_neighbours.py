@@ -95,7 +95,7 @@ def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any
             role: [float(f"{value:.6g}") for value in values]
             for role, values in neighbourhoods(expert, novice, queries).items()
         }
-    return measured
+    return measured | {"preset": study.preset.name}
 
 
 def read(results: Path | str) -> dict[str, dict[str, Neighbourhood]]:

@@ -63,8 +63,12 @@ def table(stored: Results, repeated: Results) -> pd.DataFrame:
     both = [row.trial for row in repeated.all() if stored.get(row.trial)]
     order = list(METHODS)
     both.sort(key=lambda t: (t.system, t.novice_minutes, order.index(t.method), t.seed))
-    new, old = repeated.frame(both), stored.frame(both)
-    return paired_comparison(new, old, ["system", "novice_minutes", "method"])
+    settings = [trial.replace(seed=0).key for trial in both]
+    new, old = (
+        store.frame(both).assign(settings=settings) for store in (repeated, stored)
+    )
+    point = ["system", "novice_minutes", "method", "settings"]
+    return paired_comparison(new, old, point)
 
 
 def unmatched(stored: Results, repeated: Results) -> dict[str, int]:

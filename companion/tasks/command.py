@@ -31,13 +31,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--workers", type=whole_number, metavar="N", default=1, help=text)
     add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster")
     text = "most seconds of a trial (an hour)"
-    add("--limit", type=float, metavar="S", help=text)
+    add("--limit", type=_seconds, metavar="S", help=text)
     add("--retry", action="store_true", help="run trials that failed again")
     add("--page", metavar="FILE", help="write the table as a page")
     add("--csv", metavar="FILE", help="write the tasks' rows as CSV")
     add("--list", action="store_true", help="print the tasks' cards and run nothing")
     text = "run the quickest stored trial of the method again, and compare its errors"
     add("--check", action="store_true", help=text)
+
+
+def _seconds(text: str) -> float:
+    """Parse a number of seconds above 0."""
+    number = float(text)
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"seconds must be above 0, not {text}")
+    return number
 
 
 def run_bench(arguments: argparse.Namespace) -> int:
@@ -52,6 +60,9 @@ def run_bench(arguments: argparse.Namespace) -> int:
 
     if (arguments.check or arguments.list) and (arguments.page or arguments.csv):
         raise ConfigError("--page and --csv write the table: without --check or --list")
+    for name in ("seeds", "dask", "limit", "retry"):
+        if getattr(arguments, name) and not arguments.methods:
+            raise ConfigError(f"--{name} is for methods that are run: name one")
     tasks, seeds = find_tasks(arguments.tasks), arguments.seeds or SEEDS
     limit, store = arguments.limit or LIMIT, records(arguments.results)
     if arguments.list:

@@ -9,10 +9,11 @@ import yaml
 from browser import chromium
 from IPython.core.interactiveshell import InteractiveShell
 from pages import DESK, ROOT, named_modules
-from places import copy_tree, one_at_a_time, run_python, shared_by_workers
+from places import copy_tree, run_python, shared_by_workers
 from playwright.sync_api import sync_playwright
 
 from companion import all_datasets, collect_motion, load_preset
+from sidm.storage import locked
 from tests.companion.conftest import (  # noqa: F401
     figure3_frame,
     figure3_rows,
@@ -38,7 +39,7 @@ def book(tmp_path_factory, pytestconfig) -> Path:
     reference has only the modules that pages name, since it takes most of the time.
     """
     output = shared_by_workers(tmp_path_factory) / "book"
-    with one_at_a_time(output):
+    with locked(output):
         if not (output / "_build" / "html" / "index.html").is_file():
             output.mkdir(exist_ok=True)
             render(output, whole=pytestconfig.getoption("markexpr") != "not more")
@@ -69,7 +70,7 @@ def render(output: Path, whole: bool) -> None:
 def motion(tmp_path_factory) -> Path:
     """The data of the smoke preset for system 1, collected once for all workers."""
     folder = shared_by_workers(tmp_path_factory) / "motion"
-    with one_at_a_time(folder):
+    with locked(folder):
         needed = all_datasets(load_preset("smoke"), ["system1"])
         collect_motion(needed, folder, workers=2, progress=False)
     return folder

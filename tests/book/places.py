@@ -1,12 +1,9 @@
 """Folders that tests share, copies of folders, and Python that runs in them."""
 
-import contextlib
-import fcntl
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,14 +13,6 @@ def shared_by_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder that all workers of this test run share."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-
-
-@contextlib.contextmanager
-def one_at_a_time(folder: Path) -> Iterator[None]:
-    """Let no other worker make the same folder inside the block."""
-    with open(f"{folder}.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 def copy_tree(folder: Path, copy: Path) -> None:

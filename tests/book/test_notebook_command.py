@@ -124,12 +124,26 @@ def test_parameters_are_read_with_their_types_and_help(first):
 
 
 @pytest.mark.parametrize(
-    "line", ["seed = 1", "seed: integer = 1", "seed: int", "print(1)", ""]
+    "line",
+    [
+        "seed = 1",
+        "seed: integer = 1",
+        "seed: int",
+        "print(1)",
+        "",
+        "x: ().__class__.__base__.__subclasses__() = 1  # help",
+        "x: open('sprung', 'w') = 1  # help",
+        "x: list[int = 1  # help",
+        "x: [int for _ in [1]] = 1  # help",
+        f"x: {'x' * 10**5} = 1  # help",
+    ],
 )
 def test_a_parameter_without_a_readable_type_is_an_error(project, line):
+    """An annotation is not executed."""
     path = add(project, "03-bad", parameters=line)
-    with pytest.raises(ConfigError, match="03-bad"):
+    with pytest.raises(ConfigError, match="03-bad") as caught:
         parameters.inspect(path)
+    assert "\n" not in str(caught.value) and not Path("sprung").exists()
     path.write_text("no notebook")
     with pytest.raises(ConfigError, match="not a notebook"):
         parameters.inspect(path)

@@ -9,7 +9,9 @@ import pytest
 from changed import change
 from claims import CLAIMS, FIRST_PAGE, Book
 from pages import ROOT
-from places import one_at_a_time, shared_by_workers
+from places import shared_by_workers
+
+from sidm.storage import locked
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +49,7 @@ def test_the_first_page_has_claims_and_most_chapters():
 def test_other_results_would_not_bear_the_claims_out(tmp_path_factory):
     """Most of them: some exchanged values agree with a sentence by chance."""
     folder = shared_by_workers(tmp_path_factory) / "changed"
-    with one_at_a_time(folder):
+    with locked(folder):
         shutil.rmtree(folder, ignore_errors=True)
         change(ROOT / "results", folder)
     other = Book(Path(folder))

@@ -93,6 +93,12 @@ def test_help_names_every_figure_and_shows_defaults_and_units(capsys):
         ("run --workers 0", "--workers"),
         ("run --figure driving --minutes 5", "--minutes is for figures of trials"),
         ("show --figure gap --csv rows.csv", "--csv is for figures of trials"),
+        ("show --figure gap --system system2", "--system is for figures of trials"),
+        ("show --against nowhere", "nowhere: there is no such folder of results"),
+        ("show --set more_seeds=[[5,0]]", "more_seeds must be from 1 to 1000"),
+        ("collect --preset smoke --steps A1", "--steps are of a figure: name one"),
+        ("bench --retry", "--retry is for methods that are run: name one"),
+        ("bench mean --limit -5", "seconds must be above 0, not -5"),
     ],
 )
 def test_arguments_that_cannot_be_used(words, message, capsys, tmp_path):

@@ -17,7 +17,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -123,49 +122,45 @@ def reader(
         thread.join()
 
 
-@dataclass
-class Stage:
-    """A command whose files are watched."""
+def torture(
+    words: list[str],
+    folder: Path,
+    pattern: str,
+    read: Callable[[Path], object],
+    seconds: float,
+    wanted: dict[str, object],
+    chance: random.Random,
+) -> None:
+    """Kill a command KILLS times at work, and begin anew whenever it has ended.
 
-    words: list[str]
-    folder: Path  # into which the command writes
-    pattern: str  # of the names of finished files
-    read: Callable[[Path], object]
-    seconds: float  # time of an undisturbed run
-    wanted: dict[str, object]  # content of the files of an undisturbed run
-
-
-def torture(stage: Stage, kills: int, chance: random.Random) -> int:
-    """Kill a command `kills` times at work, and begin anew whenever it has ended.
-
-    Returns how often it ended. AssertionError tells that a finished file or line was
-    written again, half of one was read, or the final files differ.
+    It writes files of a pattern into a folder, which `read` reads; undisturbed, it
+    takes so many seconds and has the wanted `content`. AssertionError tells that a
+    finished file or line was written again, half of one was read, or the final files
+    differ.
     """
-    met, ends, known = 0, 0, finished(stage.folder, stage.pattern)
-    with reader(stage.folder, stage.pattern, stage.read) as wrong:
+    met, known = 0, finished(folder, pattern)
+    with reader(folder, pattern, read) as wrong:
         while True:
-            if met < kills:
-                moment = chance.uniform(READY, max(2 * READY, stage.seconds))
-                killed = kill_at(stage.words, moment, whole_group=met % 2 == 0)
+            if met < KILLS:
+                moment = chance.uniform(READY, max(2 * READY, seconds))
+                killed = kill_at(words, moment, whole_group=met % 2 == 0)
             else:
-                finish(stage.words)
+                finish(words)
                 killed = False
-            now = finished(stage.folder, stage.pattern)
+            now = finished(folder, pattern)
             assert all(now.get(part) == stamp for part, stamp in known.items()), (
                 "a finished file or line was written again"
             )
             known, met = now, met + killed
             if not killed:
-                ends += 1
-                assert content(stage.folder, stage.pattern) == stage.wanted, (
+                assert content(folder, pattern) == wanted, (
                     "other files than undisturbed"
                 )
-                if met == kills:
+                if met == KILLS:
                     break
-                shutil.rmtree(stage.folder)
+                shutil.rmtree(folder)
                 known = {}
     assert not wrong, wrong[0]
-    return ends
 
 
 def content(folder: Path, pattern: str) -> dict[str, object]:
@@ -180,32 +175,19 @@ def content(folder: Path, pattern: str) -> dict[str, object]:
     return contents
 
 
-def crash(kills: int, seed: int, root: Path) -> list[str]:
-    """Run the whole test in a folder; return a line for each of the two commands."""
-    chance, lines = random.Random(seed), []
-    whole, hurt = (root / name for name in ("whole", "hurt"))
-    kinds = (
+def test_nothing_is_lost(tmp_path):
+    pytest.importorskip("pybullet")
+    chance = random.Random(1)
+    whole, hurt = (tmp_path / name for name in ("whole", "hurt"))
+    for verb, place, pattern, read in (
         ("collect", "data", "shard-*.npz", read_arrays),
         ("run", "results", "trials.jsonl", lambda path: list(read_lines(path))),
-    )
-    for verb, place, pattern, read in kinds:
+    ):
         seconds = finish(command(verb, whole / "data", whole / "results"))
         wanted = content(whole / place, pattern)
         assert wanted
         words = command(verb, hurt / "data", hurt / "results")
-        stage = Stage(words, hurt / place, pattern, read, seconds, wanted)
-        ends = torture(stage, kills, chance)
-        lines.append(
-            f"{verb}: {len(wanted)} files as undisturbed, {ends} times, "
-            f"through {kills} kills at work"
-        )
-    return lines
-
-
-def test_nothing_is_lost(tmp_path):
-    pytest.importorskip("pybullet")
-    lines = crash(KILLS, seed=1, root=tmp_path)
-    assert [line.split(":")[0] for line in lines] == ["collect", "run"]
+        torture(words, hurt / place, pattern, read, seconds, wanted, chance)
 
 
 def test_the_reader_would_see_half_a_file(tmp_path):

@@ -5,7 +5,6 @@ Nothing that is typed or lies in a file is executed.
 
 import dataclasses
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -132,27 +131,6 @@ def test_any_parameter_file(folder, document):
     except ConfigError as error:
         assert "\n" not in str(error)
     assert tree(folder) == {path}
-
-
-@pytest.mark.parametrize(
-    "annotation",
-    [
-        "().__class__.__base__.__subclasses__()",
-        "open('sprung', 'w')",
-        "list[int",
-        "[int for _ in [1]]",
-        "int.__class__",
-        "x" * 10**5,
-    ],
-)
-def test_an_annotation_is_not_executed(folder, annotation):
-    source, tags = f"x: {annotation} = 1  # help", {"tags": ["parameters"]}
-    cell = {"cell_type": "code", "metadata": tags, "outputs": [], "source": source}
-    path = folder / "inside" / "x.ipynb"
-    path.write_text(json.dumps({"cells": [cell], "metadata": {}, "nbformat": 4}))
-    with pytest.raises(ConfigError) as caught:
-        parameters.inspect(path)
-    assert "\n" not in str(caught.value) and os.listdir(path.parent) == ["x.ipynb"]
 
 
 @given(

@@ -117,13 +117,16 @@ def overview_by_step(
 ) -> tuple[list[str], int]:
     """Lines about trials, and how many planned trainings have no settings yet.
 
-    Least squares, which takes seconds, does not count. The hours of a training that was
-    interrupted are those of its last stretch; samples a second are of the trainings
-    that were not interrupted and have no pretraining.
+    They count where all trials are asked for; a step whose trials are all of an earlier
+    step plans no others. Least squares, which takes seconds, does not count. The hours
+    of a training that was interrupted are those of its last stretch; samples a second
+    are of the trainings that were not interrupted and have no pretraining.
     """
-    lines, unknown, wanted = [], 0, {trial.key for trial in trials}
+    lines, unknown, seen = [], 0, set[str]()
+    wanted = {trial.key for trial in trials}
     for step in STEPS:
         known = step.trials(study)
+        keys = {trial.key for trial in known}
         trainings = [trial for trial in known if not trial.solved]
         stored = store.frame(trainings)
         title = (
@@ -144,5 +147,6 @@ def overview_by_step(
                 f"  {lacking} trainings with settings "
                 "that the search has not chosen yet"
             )
-        unknown += lacking
-    return lines, unknown
+        unknown += 0 if keys <= seen else lacking
+        seen |= keys
+    return lines, unknown if seen <= wanted else 0

@@ -2,8 +2,8 @@
 
 The reader stops all trainings of a recipe after a number of samples or by a rule, and
 sees what each training keeps, Figure 3 and the saving. book/static/stopping.js draws
-this. Losses are rounded to a ten-thousandth; savings are those of `along` and
-`verdicts`.
+this. Losses are rounded to a ten-thousandth; savings are those of `length_curves`
+and `verdicts`.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ def make(study: Study, workers: int, data: Path, results: Path) -> dict[str, Any
                 name: [[round(value, 4) for value in seed[name]] for seed in seeds]
                 for name in ENCODERS
             }
-    return stored
+    return stored | {"preset": study.preset.name}
 
 
 def table(results: Path | str, systems: Sequence[str]) -> pd.DataFrame:

@@ -59,6 +59,16 @@ def test_figures_are_rounded_and_what_they_are_about_is_not(store):
     assert store.get(Question(minutes=0.333333)) is None
 
 
+def test_records_are_taken_in_from_another_folder(store, tmp_path):
+    other = Records(Answer, tmp_path / "other", "answers", "make answers")
+    mine, theirs = Question(minutes=3.0), Question(minutes=6.0)
+    store.put(answer(mine))
+    for question in (mine, theirs):
+        other.put(answer(question))
+    assert store.take_in(other) == 1 and store.take_in(other) == 0
+    assert store.get(theirs) == other.get(theirs)
+
+
 def test_one_failure_does_not_lose_the_others(store, capsys):
     """Each failure is a line, and still missing."""
     questions = [Question(minutes=minutes) for minutes in (3.0, -1.0, 200.0, 6.0)]

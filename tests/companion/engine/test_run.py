@@ -13,11 +13,9 @@ from companion.__main__ import main
 from companion.bodies import NOVICES
 from companion.engine import known_motion
 from companion.engine.datasets import digest_of, digests_of, is_here
-from companion.engine.execute import stored_as
 from companion.engine.library import Library
 from companion.engine.records import ProvenanceTimer, one_line, rounded
 from companion.engine.run import checkpoint_folder
-from companion.numerics import versions
 from companion.trials import motion_of
 from sidm.config import ConfigError, replace
 from sidm.shards import SHARD_SIZE
@@ -219,15 +217,3 @@ def test_data_made_again_elsewhere_stand_for_those_of_the_results(
     known_motion.note([strange], results)
     with pytest.raises(known_motion.OtherMotion, match="name another folder"):
         run([trial.replace(seed=1)], data=data, results=results, progress=False)
-
-
-def test_what_free_struts_did_depends_on_the_version_of_their_motion(study, make_row):
-    made = make_row(study.trial("system1", "novice_only", 0.75))
-    free = study.trial("system1_free_struts", "novice_only", 0.75)
-    assert (
-        "free_struts"
-        not in stored_as(made.trial, made.outcome, made.provenance).provenance.numerics
-    )
-    assert stored_as(
-        free, made.outcome, made.provenance
-    ).provenance.numerics == made.provenance.numerics | versions("free_struts")

@@ -145,6 +145,14 @@ def test_what_is_not_the_row_is_named_in_one_line(
     assert "delete the line" in message
 
 
+def test_what_was_drawn_of_motion_made_again_goes_with_the_rest(tmp_path, trials):
+    """Its digest is of a part, and the whole motion of the robot is compared."""
+    seen = [{"pool/1125, 5 min, seed 0": digest} for digest in ("one", "other")]
+    known_motion.refuse_mixed(seen, tmp_path)
+    with pytest.raises(OtherMotion, match="rows of pool/1125 were made with different"):
+        known_motion.refuse_mixed([{"pool/1125": "a"}, {"pool/1125": "b"}], tmp_path)
+
+
 def test_a_store_takes_in_what_it_lacks(tmp_path, trials, row_of, capsys):
     """Existing rows of today's versions stay; digests and failures come, too."""
     store, other = Results(tmp_path / "mine"), Results(tmp_path / "other")
@@ -169,6 +177,10 @@ def test_a_store_takes_in_what_it_lacks(tmp_path, trials, row_of, capsys):
         current.take_in(older)
         assert losses(current, trials[:1]) == [3.0]
         assert older.take_in(current) == 1 and older.missing(trials[:1]) == []
+    store.failed.path.write_text("no record\n")
+    with pytest.raises(StoreError, match="failures.jsonl: damaged"):
+        store.put(row_of(trials[1], 1.0))
+    store.failed.path.unlink()
     known_motion.note([Known(name="the expert's", digest="45")], store.folder)
     with pytest.raises(OtherMotion, match="the expert's is other motion than that of"):
         store.take_in(other)

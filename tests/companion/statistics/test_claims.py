@@ -80,3 +80,8 @@ def test_curves_meet_from_the_size_on_at_which_they_stay_the_same(
             for t in laptop.figure3("system1")
         )
         assert convergence_claim(rows, "system1").ours[0] == f"with SIDM {words}"
+        few = rows[(rows.novice_minutes < 60) | (rows.seed == 0)]  # no interval there
+        assert (
+            convergence_claim(few, "system1").ours[0]
+            == "with SIDM alike from 20 min on"
+        )

@@ -24,18 +24,21 @@ def test_the_command_line_holds_results_against_others_and_says_what_has_none(
     for trial in points:
         theirs.put(make_row(trial, 2.0))
         mine.put(make_row(trial, 3.0))
+    smaller = study.changed(pixels=8).points("system1", ["sidm"], [5.0])
+    for trial in smaller:  # another grid in both
+        theirs.put(make_row(trial, 2.0))
+        mine.put(make_row(trial, 2.0))
     others = study.changed(pixels=16).points("system1", ["sidm"], [5.0])
     for trial in (*others, study.points("system1", ["sidm"], [20.0])[0]):
         mine.put(make_row(trial, 3.0))
     folders = ["--results", str(mine.folder), "--against", str(theirs.folder)]
     assert main(["show", *folders]) == 0
-    first, *lines = capsys.readouterr().out.splitlines()
+    first, second, *lines = sorted(capsys.readouterr().out.splitlines(), reverse=True)
     assert "seeds 3  stored 2  here 3  ratio 1.50 (1.50 to 1.50)" in first
-    assert lines == [
-        "3 trials here alone: pixels 16 (there 32)",
-        "1 trials here alone: no such method and size",
-        "points in both: 1",
-    ]
+    assert "seeds 3  stored 2  here 2  ratio 1.00 (1.00 to 1.00)" in second
+    assert lines[0] == "points in both: 2"
+    assert lines[2] == "1 trials here alone: no such method and size"
+    assert lines[1].startswith("3 trials here alone: pixels 16 (there ")
 
 
 def test_a_comparison_is_on_the_same_motion_where_it_can_be(study, make_row, tmp_path):

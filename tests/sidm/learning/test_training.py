@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 import torch
 
@@ -185,15 +184,3 @@ def test_a_damaged_checkpoint_is_named(run, tmp_path):
     with pytest.raises(CheckpointError, match=words) as error:
         run(how={"checkpoint": tmp_path})
     assert "\n" not in str(error.value)
-
-
-def test_tensors_and_values_come_back_and_nothing_is_pickled(tmp_path):
-    tensors = {"a/b": torch.tensor([1.5, float("inf")]), "step": torch.tensor(3.0)}
-    values = {"loss": 0.1 + 0.2, "none": None, "list": [1, 2]}
-    checkpoint.write(tmp_path, tensors, values)
-    state, text = checkpoint.read(tmp_path)
-    assert text == values
-    assert all(torch.equal(state[name], tensor) for name, tensor in tensors.items())
-    with np.load(tmp_path / checkpoint.FILE, allow_pickle=False) as data:
-        assert all(data[name].dtype != object for name in data.files)
-    assert list(tmp_path.iterdir()) == [tmp_path / checkpoint.FILE]
