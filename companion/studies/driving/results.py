@@ -105,12 +105,18 @@ def scores(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*DRIVER, *SCORES])
 
 
-def reached(scores: pd.DataFrame, system: str) -> dict[str, str]:
-    """Goals reached, by method, or by driver without one: a number for each size."""
-    rows = scores[scores.system == system].sort_values("novice_minutes")
-    goals = (rows.arrived * rows.episodes).astype(float).round().astype(int).astype(str)
+def reached(
+    scores: pd.DataFrame, system: str, minutes: float, episodes: int
+) -> dict[str, int]:
+    """Goals reached in so many episodes, by method, or by driver without one.
+
+    The methods have so many minutes of novice data.
+    """
+    rows = scores[(scores.system == system) & (scores.episodes == episodes)]
+    rows = rows[rows.novice_minutes.isin([0.0, minutes])]
+    goals = (rows.arrived * rows.episodes).astype(float).round().astype(int)
     drivers = rows.method.where(rows.method != "", rows.driver)
-    return goals.groupby(drivers).agg(", ".join).to_dict()
+    return dict(zip(drivers, goals, strict=True))
 
 
 def fewer_than_straight(rivals: pd.DataFrame) -> dict[str, int]:
