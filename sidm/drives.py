@@ -25,13 +25,13 @@ import numpy as np
 
 from sidm.body import ROVER, Body
 from sidm.config import DataError
+from sidm.systems import CONTROL_STEP as CONTROL_STEP  # also known from here
 from sidm.systems import Terrain
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
 STATE_SIZE, ACTION_SIZE = 13, 2
 #: Control steps of a simulated trajectory, and of a window that networks learn from.
 STEPS = 64
-CONTROL_STEP = 0.1  # s
 
 PROBES = 8  # points at which the heights of a ground are kept
 #: Distance between neighbouring probes along y and x, as shares of the ground's sides,

@@ -61,8 +61,10 @@ def progress_bar(
 
     It is that of `tqdm` on a terminal and in a notebook, and a `LogBar` elsewhere.
     """
+    shown = shown and sys.stderr is not None  # a process may have none
     notebook = type(sys.stderr).__module__.startswith("ipykernel")
-    kind = tqdm if sys.stderr.isatty() or notebook else LogBar
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+    kind = tqdm if terminal or notebook else LogBar
     shown = shown and total > 0
     return kind(
         total=total, desc=title, unit=unit, unit_scale=scaled, disable=not shown

@@ -130,8 +130,8 @@ class Training:
         smoothing: weight of the past in the smoothed test loss, [0, 1)
         patience: samples without a new minimum of the smoothed test loss before
             training ends
-        max_samples: samples of the prediction phases, novice and expert together, at
-            most; 0: the initial weights stay as they are
+        max_samples: samples of the prediction phases, novice and expert together, after
+            which training ends with the batch; 0: the initial weights stay as they are
         system_draw: how often the system is drawn; 'trajectory': for each trajectory;
             'iteration': once for a batch (released code)
         decay: how weights decay; 'l2': as a part of the gradient (released code)

@@ -14,7 +14,7 @@ import dataclasses
 import math
 from typing import Any
 
-from sidm.config import ConfigError, check_numbers, config, replace
+from sidm.config import ConfigError, check_at_least, check_numbers, config, replace
 
 
 @config
@@ -67,7 +67,9 @@ class Robot:
         return replace(self, **changes)
 
 
+CONTROL_STEP = 0.1  # s
 GRID_SPACING = 0.1  # m between the heights of the ground in the simulator
+LEAST_SIZE = 41  # grid points along a side: 2 m to every side of the start
 
 
 @config
@@ -108,6 +110,9 @@ class Terrain:
     def __post_init__(self) -> None:
         """Refuse ground that cannot be built."""
         check_numbers(self)
+        check_at_least(self, 0, "cells_per_area", "smoothing")
+        check_at_least(self, LEAST_SIZE, "size")
+        check_at_least(self, self.spacing, "flat_radius", "blend")
         if self.spacing != GRID_SPACING:
             raise ConfigError(
                 f"Terrain.spacing must be {GRID_SPACING}, as in the simulator, "
@@ -191,6 +196,17 @@ class System:
     expert: Robot
     terrain: Terrain
     physics: Physics = dataclasses.field(default_factory=Physics)
+
+    def __post_init__(self) -> None:
+        """Refuse a name that no folder can have, and steps of another length."""
+        if not self.name.isidentifier():
+            raise ConfigError(f"System.name must be a plain name, not {self.name!r}")
+        step = self.physics.time_step * self.physics.steps_per_control
+        if not math.isclose(step, CONTROL_STEP):
+            raise ConfigError(
+                "System.physics: time_step times steps_per_control must be "
+                f"{CONTROL_STEP} s, a control step, not {step:.4g}"
+            )
 
     def replace(self, **changes: Any) -> System:
         """A copy of the system with changed values, checked like a new one."""

@@ -108,6 +108,12 @@ def test_swapped_robots_are_seen():
         "are novice and expert swapped",
     ):
         ownrobot.fit(pair["expert"], pair["novice"])
+    same = sidm.simulate("system1", "novice", 0.2, seed=np.int64(0), progress=False)
+    assert np.array_equal(same[0].states, pair["novice"][0].states)
+    slow = sidm.systems.Physics(time_step=1 / 1000)
+    for changes in ({"name": "my-robot"}, {"name": "mine", "physics": slow}):
+        with pytest.raises(ConfigError, match="plain name|must be 0.1 s"):
+            sidm.SYSTEMS["system1"].replace(**changes)
     for wrong, error in (("system3", ConfigError), (3, TypeError)):
         with pytest.raises(error):
             sidm.simulate(wrong, "novice", 0.2)

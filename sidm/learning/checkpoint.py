@@ -23,6 +23,7 @@ from sidm.learning.stopping import CurvePoint, EarlyStopping
 from sidm.storage import checksum, read_arrays, write_arrays
 
 if TYPE_CHECKING:
+    from sidm.learning.dataset import Windows
     from sidm.learning.trainer import Trainer
 
 FILE = "checkpoint.npz"
@@ -31,6 +32,7 @@ TEXT = "json"  # the name of the array that holds the text
 #: share of the time that may go into writing checkpoints; one is always written after
 #: the first and after the last phase
 MAX_WRITING_SHARE = 0.02
+MAPS_COMPARED = 16  # windows of each robot whose maps must be those of the checkpoint
 MAX_INTERVAL = 60.0  # s between two checkpoints, however long it takes to write one
 
 
@@ -44,6 +46,12 @@ class Checkpoint:
     def __init__(self, folder: str | Path | None) -> None:
         self.folder = None if folder is None else Path(folder)
         self._last_time, self._cost = -math.inf, 0.0  # s
+        self._run: dict[str, Any] | None = None  # its identity, known once
+
+    def _identity(self, trainer: Trainer) -> dict[str, Any]:
+        if self._run is None:
+            self._run = _identity(trainer)
+        return self._run
 
     def restore(self, trainer: Trainer) -> bool:
         """Put a trainer into the state of the checkpoint, and say whether there is one.
@@ -54,7 +62,7 @@ class Checkpoint:
         if stored is None:
             return False
         tensors, values = stored
-        if values.get("run") != _identity(trainer):
+        if values.get("run") != self._identity(trainer):
             raise CheckpointError(
                 f"{self.folder}/{FILE}: the checkpoint is of another run; "
                 "delete it or name another folder"
@@ -66,7 +74,7 @@ class Checkpoint:
         """Write a trainer's state; it replaces the previous one."""
         if self.folder is not None:
             tensors, values = _state(trainer)
-            write(self.folder, tensors, {"run": _identity(trainer)} | values)
+            write(self.folder, tensors, {"run": self._identity(trainer)} | values)
 
     def save_when_due(self, trainer: Trainer) -> None:
         """Write a trainer's state at the end, and at intervals before the end."""
@@ -186,10 +194,22 @@ def _load_optimiser(
     optimiser.load_state_dict({"state": state, "param_groups": settings})
 
 
+def _data_identity(windows: Windows) -> list[Any]:
+    """Shape of the windows, and checksums of their numbers and of some of their maps.
+
+    All maps of the expert are a gigabyte.
+    """
+    even = np.linspace(0, len(windows) - 1, min(len(windows), MAPS_COMPARED))
+    some = windows.take(even.round().astype(int))
+    numbers = digest((windows.inputs, windows.targets))
+    return [list(windows.inputs.shape), numbers, digest((some.maps,))]
+
+
 def _identity(trainer: Trainer) -> dict[str, Any]:
     """Configuration, seed, units, initial weights and data of a run, as JSON values."""
     datasets = trainer.datasets
     sets = {"train": datasets.train, "test": datasets.test, "expert": datasets.expert}
+    sets |= {"validation": trainer.validation}
     # without what is None: a body that is None is the paper's
     sizes = {n: v for n, v in to_mapping(trainer.network).items() if v is not None}
     return {
@@ -199,7 +219,7 @@ def _identity(trainer: Trainer) -> dict[str, Any]:
         "units": trainer.units_digest,
         "start": trainer.start_digest,
         "data": {
-            name: digest((windows.inputs, windows.targets))
+            name: _data_identity(windows)
             for name, windows in sets.items()
             if windows is not None
         },

@@ -11,10 +11,10 @@ import torch
 from torch import Tensor
 
 from sidm.config import ConfigError, replace
-from sidm.drives import Drive
+from sidm.drives import Drive, Ground
 from sidm.learning import observation
 
-Indices = Tensor | np.ndarray | Sequence[int]
+Indices = Tensor | np.ndarray | Sequence[int]  # or a mask
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,7 +64,10 @@ class Windows:
 
     def subset(self, indices: Indices) -> Windows:
         """The windows at `indices`, not copied."""
-        chosen = torch.as_tensor(indices, dtype=torch.long)
+        chosen = torch.as_tensor(indices)
+        if chosen.dtype == torch.bool:  # a mask (N,)
+            chosen = chosen.nonzero()[:, 0]
+        chosen = chosen.long()
         rows = chosen if self.rows is None else self.rows[chosen]
         return replace(self, rows=rows)
 
@@ -151,9 +154,13 @@ def drive_maps(drive: Drive, pixels: int) -> np.ndarray:
             f"{drive.name}: body '{body.name}' sees a height map, "
             "and the drive has no ground"
         )
+    states = torch.from_numpy(drive.states[:-1])
+    if isinstance(ground, Ground) and any(ground.centre):
+        states = states.clone()
+        states[:, :2] -= torch.tensor(ground.centre, dtype=states.dtype)
     maps = observation.robot_centred_map(
         ground.heights,
-        torch.from_numpy(drive.states[:-1]),
+        states,
         body.pixels(pixels),
         body.map_size,
         ground.spacing,

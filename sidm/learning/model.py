@@ -92,14 +92,18 @@ class DynamicsModel(Predictor):
         Raises:
             ConfigError: a system that the model does not have.
         """
-        if role not in self.encoders:
-            known = ", ".join(self.encoders)
-            raise ConfigError(f"this model has {known}, not {role!r}")
+        self._refuse_unknown(role)
         transitions, memory = self.sidm(self.encoders[role](inputs, maps), memory)
         return self.decoders[role](transitions), memory
 
+    def _refuse_unknown(self, role: str) -> None:
+        if role not in self.encoders:
+            known = ", ".join(self.encoders)
+            raise ConfigError(f"this model has {known}, not {role!r}")
+
     def loss_weights(self, role: str) -> Tensor | None:
         """Weights (Y,) of a system's components in equation (1); None: all are 1."""
+        self._refuse_unknown(role)
         return self.decoders[role].weights  # type: ignore[return-value]
 
     def encode(self, role: str, windows: Windows) -> Tensor:

@@ -154,7 +154,7 @@ def surface(heights: Tensor, x: Tensor, y: Tensor, spacing: float = 0.1) -> Tens
     j = across.floor().clamp(max=columns - 2)
     i = along.floor().clamp(max=rows - 2)
     u, v = across - j, along - i
-    corner = (i * columns + j).long()  # (N, K), index into the flattened grid
+    corner = i.long() * columns + j.long()  # (N, K), index into the flattened grid
     flat = heights.flatten(1)
     near, far = flat.gather(1, corner), flat.gather(1, corner + columns + 1)
     east, north = flat.gather(1, corner + 1), flat.gather(1, corner + columns)

@@ -59,6 +59,9 @@ class Trainer:
                 "p_expert above 0 and regularise need the expert's data, "
                 "but datasets.expert is None"
             )
+        for name, windows in (("train", datasets.train), ("test", datasets.test)):
+            if not len(windows):
+                raise ConfigError(f"datasets.{name} has no windows")
         roles = tuple(roles) or (ROLES if training.needs_expert else ("novice",))
         for role in roles:
             training.check_body(network.body(role))

@@ -5,6 +5,7 @@ The comparison without SIDM is the same loop with p_expert = 0 and regularise = 
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -92,6 +93,7 @@ def train(
         >>> trained.samples
         3072
     """
+    seed = operator.index(seed)  # NumPy's integers are seeds, too
     settings = datasets, network, training, seed, standardisation, device, start
     trainer = (training.trainer() or Trainer)(*settings)
     state = Checkpoint(checkpoint)

@@ -11,8 +11,12 @@ from typing import Any
 @functools.cache
 def bullet() -> Any:
     """The module PyBullet, imported without the line that it prints to stderr."""
-    stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, 2)
+    try:
+        stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    except OSError:  # without stderr there is no line to hide
+        stderr = null = -1
+    if null >= 0:
+        os.dup2(null, 2)
     try:
         return importlib.import_module("pybullet")
     except ImportError as error:
@@ -21,9 +25,10 @@ def bullet() -> Any:
             "(all else works without it)"
         ) from error
     finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)
-        os.close(null)
+        if null >= 0:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            os.close(null)
 
 
 class Client:

@@ -7,11 +7,11 @@ piece, so a collection that was killed continues with the shards that are missin
 
 from __future__ import annotations
 
-import functools
 import os
+import threading
 import zlib
 from concurrent.futures import Executor
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from sidm.shards import (
     DISCARDS,
     SHARD_SIZE,
     Collection,
+    ShardError,
     Which,
     load,
     missing_shards,
@@ -33,7 +34,7 @@ from sidm.shards import (
 from sidm.simulation.client import bullet
 from sidm.simulation.exploration import draw_actions
 from sidm.simulation.simulator import Simulator
-from sidm.storage import checksum, read_record, sweep, write_record
+from sidm.storage import Damaged, checksum, read_record, sweep, write_record
 from sidm.systems import ROLES, System, find_system, is_system
 from sidm.terrain import generate_terrain
 
@@ -48,10 +49,10 @@ class EpisodeRules:
     """The rules that end a trajectory early, for the causes in DISCARDS.
 
     `start` is the settled state (13,), `half_width` the distance from the origin to the
-    terrain's edge, m.
+    terrain's edge, m, along both axes or (2,) along x and y.
     """
 
-    def __init__(self, start: np.ndarray, half_width: float) -> None:
+    def __init__(self, start: np.ndarray, half_width: float | np.ndarray) -> None:
         self._half_width = half_width
         self._place, self._steps_there = start[POSITION][:2], 0
 
@@ -62,7 +63,7 @@ class EpisodeRules:
         if upright(state) < 0:
             return "rollover"
         position = state[POSITION][:2]
-        if np.abs(position).max() > self._half_width - BORDER:
+        if (np.abs(position) > self._half_width - BORDER).any():
             return "border"
         if np.linalg.norm(position - self._place) > STUCK_DISTANCE:
             self._place, self._steps_there = position, 0
@@ -111,12 +112,32 @@ def simulate_attempt(
     return simulated_drive(robot, index, path, actions, ground)
 
 
-# A worker keeps the simulator from shard to shard: building one takes a quarter of the
-# time of a trajectory.
-@functools.lru_cache(maxsize=1)
-def _simulator(system: System, role: str) -> Simulator:
-    flat = np.zeros((system.terrain.size, system.terrain.size))
-    return Simulator(system.robot(role), flat, system.physics)
+class _Kept(threading.local):
+    """The simulator that a thread keeps from trajectory to trajectory.
+
+    Building one takes a quarter of the time of a trajectory.
+    """
+
+    made_for: tuple[System, str] | None = None
+    simulator: Simulator | None = None
+
+    def get(self, system: System, role: str) -> Simulator:
+        """A simulator of a system's robot on flat ground."""
+        if self.simulator is None or self.made_for != (system, role):
+            self.close()
+            flat = np.zeros((system.terrain.size, system.terrain.size))
+            self.simulator = Simulator(system.robot(role), flat, system.physics)
+            self.made_for = system, role
+        return self.simulator
+
+    def close(self) -> None:
+        """Free it: with a connection left open, the user's PyBullet would act on it."""
+        if self.simulator is not None:
+            self.simulator.close()
+            self.simulator = None
+
+
+kept = _Kept()
 
 
 def system_of(collection: Collection, system: System | None) -> System:
@@ -146,7 +167,7 @@ def simulate_trajectory(
     """
     system = system_of(collection, system)
     role = collection.role if collection.role in ROLES else "expert"
-    simulator = _simulator(system, role)
+    simulator = kept.get(system, role)
     causes: list[str] = []
     for number in range(MAX_ATTEMPTS):
         made = simulate_attempt(simulator, system, collection, index, number)
@@ -203,9 +224,16 @@ def collect(
     folder = collection.folder(root)
     if system is not None:
         values = to_mapping(system_of(collection, system))
-        if not (folder / "system.json").exists():
-            write_record(folder / "system.json", values)
-        elif read_record(folder / "system.json") != values:
+        described = folder / "system.json"
+        try:
+            known = read_record(described) if described.exists() else None
+        except Damaged as error:
+            raise ShardError(
+                f"{described}: damaged ({error}); delete its folder and collect again"
+            ) from None
+        if known is None:
+            write_record(described, values)
+        elif known != values:
             raise ConfigError(
                 f"{folder} has motion of other robots called '{system.name}'; "
                 "delete it or choose a new name"
@@ -217,7 +245,8 @@ def collect(
         processes = min(workers or os.cpu_count() or 1, len(missing))
         pool = nullcontext(executor) if executor else local_pool(processes)
         total = len(missing) * SHARD_SIZE
-        with pool as run, collection_bar(collection, total, progress) as bar:
+        bar = collection_bar(collection, total, progress)
+        with pool as run, closing(kept), bar:
             futures = [
                 run.submit(make_shard, root, collection, number, system)
                 for number in missing

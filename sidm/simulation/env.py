@@ -121,8 +121,9 @@ class Rover(gymnasium.Env):
             physics = self.system.physics
             self._simulator = Simulator(self.robot, heights, physics, visible=visible)
         state = self.simulator.reset(x, y, yaw)
-        size = min(self.simulator.heights.shape) - 1
-        self._rules = EpisodeRules(state, size * self.system.terrain.spacing / 2)
+        rows, columns = self.simulator.heights.shape
+        reach = np.array([columns - 1, rows - 1]) * self.system.terrain.spacing / 2
+        self._rules = EpisodeRules(state, reach)
         self._observation = self._observe(state, np.zeros(ACTION_SIZE))
         return copy.deepcopy(self._observation), {"state": state, "ended": None}
 

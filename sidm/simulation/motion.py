@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import operator
 from pathlib import Path
 
 from sidm.config import ConfigError, hint
 from sidm.drives import Drive
 from sidm.shards import Collection, trajectories_for
-from sidm.simulation.collecting import collect, collection_bar, simulate_trajectory
+from sidm.simulation.collecting import (
+    collect,
+    collection_bar,
+    kept,
+    simulate_trajectory,
+)
 from sidm.simulation.exploration import POLICIES
 from sidm.systems import ROLES, System, find_system
 
@@ -65,6 +72,7 @@ def simulate(
             raise ConfigError(f"{name} {value!r}; {hint(str(value), known)}")
     if not 0 < minutes < float("inf"):
         raise ConfigError(f"minutes must be positive, not {minutes}")
+    seed = operator.index(seed)  # NumPy's integers are seeds, too
     collection = Collection(system=system.name, role=role, policy=policy, seed=seed)
     count = trajectories_for(minutes)
     if folder is not None:
@@ -72,7 +80,7 @@ def simulate(
             folder, collection, count, workers=workers, progress=progress, system=system
         )
     drives = []
-    with collection_bar(collection, count, progress) as bar:
+    with collection_bar(collection, count, progress) as bar, contextlib.closing(kept):
         for index in range(count):
             drives.append(simulate_trajectory(collection, index, system))
             bar.update()

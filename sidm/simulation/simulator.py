@@ -271,7 +271,13 @@ class Simulator(contextlib.AbstractContextManager):
         return self._client.saveState(), slips
 
     def restore(self, token: tuple[int, list[float]]) -> np.ndarray:
-        """Go back to the moment of a token; returns its state (13,)."""
+        """Go back to the moment of a token; returns its state (13,).
+
+        RuntimeError after a step whose state is not finite: that would outlast the
+        restored state. `reset` builds the simulation anew, without its tokens.
+        """
+        if not np.isfinite(self.state).all():
+            raise RuntimeError("the simulated state is not finite; call reset")
         state, slips = token
         self._client.restoreState(state)
         for suspension, slip in zip(self._suspensions.values(), slips, strict=True):

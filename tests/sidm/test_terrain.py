@@ -82,7 +82,17 @@ def test_heights_slopes_and_differences_are_distributed_as_the_recorded_terrains
         assert values[1] == pytest.approx(recorded[1], rel=0.3), figure
 
 
-@pytest.mark.parametrize("wrong", [{"spacing": 0.2}, {"smoothing": float("nan")}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"spacing": 0.2},
+        {"smoothing": float("nan")},
+        {"smoothing": -1.0},
+        {"cells_per_area": -1.0},
+        {"size": 20},
+        {"flat_radius": 0.0},
+    ],
+)
 def test_ground_that_the_simulator_cannot_build_is_refused(wrong):
     with pytest.raises(ConfigError, match=f"Terrain.{next(iter(wrong))} must be"):
         Terrain(cell_height_scale=0.35, **wrong)

@@ -6,6 +6,7 @@ import torch
 
 from sidm.body import ROVER
 from sidm.config import replace
+from sidm.drives import Drive, Ground
 from sidm.learning import Standardisation, observation, windows_of
 from sidm.learning.model import DynamicsModel
 from sidm.learning.units import loss_weights
@@ -30,11 +31,26 @@ def test_windows_are_what_the_networks_see_of_drives(small_terrain, make_traject
         assert torch.allclose(found[1].double(), expected, atol=error)
 
 
+def test_ground_may_have_its_middle_anywhere(rng):
+    heights = np.tile(np.linspace(0, 10, 101), (101, 1))  # rises along x
+    states = np.zeros((5, 13))
+    states[:, 2], states[:, 6] = 5.0, 1.0
+    maps = []
+    for x in (0.0, 100.0):
+        ground = Ground(heights, 0.1, (x, -x))
+        moved = states + x * np.eye(13)[0] - x * np.eye(13)[1]
+        drive = Drive(moved, np.zeros((4, 2)), ROVER, ground)
+        maps.append(windows_of([drive], 8).maps)
+    assert torch.equal(*maps) and maps[0].std() > 1
+
+
 def test_parts_of_windows_are_the_same_copied_or_not(make_motion):
     motion, chosen = make_motion(7), [4, 1, 5, 0]
     part, copy = motion.subset(chosen), motion.take(np.array(chosen))
     assert part.stored_maps is motion.stored_maps
     assert torch.equal(copy.inputs, motion.inputs[chosen])
+    mask = np.array([True, False, False, True, False, False, False])
+    assert torch.equal(motion.subset(mask).inputs, motion.inputs[[0, 3]])
     assert torch.equal(part.inputs, copy.inputs)
     assert torch.equal(part.targets, copy.targets)
     assert torch.equal(torch.cat([chunk.maps for chunk in part.split(3)]), copy.maps)

@@ -87,8 +87,9 @@ def test_wrong_shapes_give_both_and_an_unknown_system_is_named(small_network):
     for part in (model.sidm, model.decoders["novice"], critic):
         with pytest.raises(ValueError, match=r"must have .* not \(2, 3, 11\)"):
             part(inputs)
-    with pytest.raises(ConfigError, match="this model has novice, not 'expert'"):
-        model("expert", inputs, maps)
+    for ask in (lambda: model("expert", inputs, maps), lambda: model.loss_weights("x")):
+        with pytest.raises(ConfigError, match="this model has novice, not '"):
+            ask()
 
 
 @pytest.mark.parametrize(

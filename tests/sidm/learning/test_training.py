@@ -173,9 +173,15 @@ def test_a_checkpoint_of_another_run_is_refused(run, datasets, tmp_path):
         with pytest.raises(CheckpointError, match="of another run; delete it") as error:
             run(how=how, **changes)
         assert "\n" not in str(error.value)
-    datasets.train.inputs[0, 0, 0] += 1
-    with pytest.raises(CheckpointError, match="of another run"):
-        run(how=how)
+    for numbers in (
+        datasets.validation.targets,
+        datasets.train.maps,
+        datasets.train.inputs,
+    ):
+        numbers[0, 0, 0] += 1
+        with pytest.raises(CheckpointError, match="of another run"):
+            run(how=how)
+        numbers[0, 0, 0] -= 1
 
 
 def test_a_damaged_checkpoint_is_named(run, tmp_path):

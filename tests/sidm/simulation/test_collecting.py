@@ -1,16 +1,17 @@
 """Collection: actions, rules of an episode, resuming, independence of workers."""
 
 import shutil
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+import sidm
 from sidm.config import ConfigError, replace
 from sidm.drives import STEPS
 from sidm.pool import process_pool
-from sidm.shards import SHARD_SIZE, Collection, digest
-from sidm.simulation import POLICIES, Simulator, collect, draw_actions
+from sidm.shards import SHARD_SIZE, Collection, ShardError, digest
+from sidm.simulation import POLICIES, Simulator, collect, collecting, draw_actions
 from sidm.simulation.collecting import EpisodeRules, draw_attempt, simulate_trajectory
 from sidm.storage import checksum
 from sidm.systems import SYSTEMS, System, Terrain
@@ -103,6 +104,27 @@ def state(x=0.0, y=0.0, up=1.0, speed=0.0):
     values[:2], values[7] = (x, y), speed
     values[3], values[6] = (0.0, 1.0) if up > 0 else (1.0, 0.0)
     return values
+
+
+def test_threads_do_not_share_a_simulator_and_none_is_left(tmp_path):
+    """A simulator that stays open would be the one of the user's own PyBullet calls."""
+
+    def drives(seed):
+        made = sidm.simulate("system1", "novice", 0.2, seed=seed, progress=False)
+        return [drive.states for drive in made]
+
+    alone = [drives(seed) for seed in (0, 1)]
+    with ThreadPoolExecutor(2) as pool:
+        assert np.array_equal(list(pool.map(drives, (0, 1))), alone)
+    assert collecting.kept.simulator is None
+
+
+def test_a_damaged_description_of_robots_is_named(tmp_path):
+    folder = Collection(system="mine", role="novice", seed=1).folder(tmp_path)
+    folder.mkdir(parents=True)
+    (folder / "system.json").write_text("{}")
+    with pytest.raises(ShardError, match="system.json: damaged .* delete its folder"):
+        sidm.simulate(OWN, "novice", 0.2, seed=1, folder=tmp_path, progress=False)
 
 
 def test_border_rollover_instability_and_standing_still_end_an_episode():

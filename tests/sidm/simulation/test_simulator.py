@@ -55,7 +55,10 @@ def test_a_used_failed_or_visible_simulator_drives_as_a_new_one_does(rough):
             simulator._client.resetBaseVelocity(
                 simulator._body, [np.nan] * 3, [np.nan] * 3
             )
+            token = simulator.save()
             assert not np.isfinite(simulator.step((0.0, 0.0))).all()
+            with pytest.raises(RuntimeError, match="not finite; call reset"):
+                simulator.restore(token)
             mend()
             assert np.array_equal(drive(simulator), expected)
 
