@@ -18,12 +18,23 @@
   }
 
   /** Give a chart the colours that the page has now. */
-  function paint(view) {
+  function colour(view) {
     const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(`--pst-color-${name}`).trim();
-    view.signal("ink", colour("text-base")).signal("faint", colour("border")).signal("paper", "transparent");
-    return view.runAsync();
+    const now = (name) => style.getPropertyValue(`--pst-color-${name}`).trim();
+    return view.signal("ink", now("text-base")).signal("faint", now("border")).signal("paper", "transparent");
   }
+  const paint = (view) => colour(view).runAsync();
+
+  // paper is light
+  let theme;
+  addEventListener("beforeprint", () => {
+    ({ theme } = document.documentElement.dataset);
+    document.documentElement.dataset.theme = "light";
+    views.forEach((view) => colour(view).run());
+  });
+  addEventListener("afterprint", () => {
+    if (theme) document.documentElement.dataset.theme = theme;
+  });
 
   /** Draw a specification of companion.figures.themed in a place; returns Vega's view. */
   async function embed(place, spec) {
@@ -37,7 +48,34 @@
     return view;
   }
 
-  window.bookCharts = { embed };
+  /** Call `seek` with the events of a pointer dragged in a panel, but not of a finger that scrolls the page. */
+  function drag(panel, seek) {
+    let from = null; // where a finger came down, until it moves sideways
+    const moved = (event) => [Math.abs(event.clientX - from.clientX), Math.abs(event.clientY - from.clientY)];
+    panel.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      from = event.pointerType === "touch" ? event : null;
+      if (from) return;
+      panel.setPointerCapture(event.pointerId);
+      seek(event);
+    });
+    panel.addEventListener("pointermove", (event) => {
+      if (!(event.buttons & 1)) return;
+      if (from) {
+        const [across, along] = moved(event);
+        if (across < 8 || across < along) return;
+        from = null;
+      }
+      seek(event);
+    });
+    panel.addEventListener("pointerup", (event) => {
+      if (from && Math.max(...moved(event)) < 8) seek(event); // a tap
+      from = null;
+    });
+    panel.addEventListener("pointercancel", () => (from = null));
+  }
+
+  window.bookCharts = { embed, drag };
 
   document.addEventListener("DOMContentLoaded", async () => {
     new MutationObserver(() => views.forEach(paint)).observe(document.documentElement, { attributeFilter: ["data-theme"] });

@@ -22,10 +22,13 @@
 
   /** Rows for the charts: {t, x, y, ...}, degrees, and mm of strut travel. */
   function rows(ride, who) {
+    let before = 0; // the roll goes on where a robot turns over
     return ride.map(([x, y, z, i, j, k, ...rest], moment) => {
       const w = attitude(i, j, k)[3];
       const pitch = degrees(Math.asin(Math.min(Math.max(2 * (w * j - k * i), -1), 1)));
-      const roll = degrees(Math.atan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j)));
+      let roll = degrees(Math.atan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j)));
+      roll += 360 * Math.round((before - roll) / 360);
+      before = roll;
       const struts = rest.slice(0, 4).map((travel, number) => [`strut ${number}`, 1e3 * travel]);
       return { t: moment * data.step, who, x, y, z, pitch, roll, ...Object.fromEntries(struts) };
     });
@@ -287,7 +290,11 @@
         const [view, canvas] = [views[name], panel.querySelector("canvas")];
         const [left, top] = corner(view);
         if (name !== "path") shown[0].style.height = `${view.height()}px`;
-        return { left: canvas.offsetLeft + left, top: canvas.offsetTop + top, wide: view.width(), x: view.scale("x"), y: view.scale("y") };
+        const [box, around] = [canvas, panel].map((part) => part.getBoundingClientRect());
+        return {
+          left: box.left - around.left + left, top: box.top - around.top + top,
+          wide: view.width(), x: view.scale("x"), y: view.scale("y"),
+        };
       });
     }
 
@@ -314,14 +321,11 @@
 
   /** Pointing into a chart takes the replay to that time. */
   function point(panel, view, replay) {
-    const seek = (event) => {
-      if (!event.buttons) return;
+    window.bookCharts.drag(panel, (event) => {
       replay.play(false);
       const canvas = panel.querySelector("canvas").getBoundingClientRect();
       replay.seek(view.scale("x").invert(event.clientX - canvas.left - corner(view)[0]));
-    };
-    panel.addEventListener("pointerdown", seek);
-    panel.addEventListener("pointermove", seek);
+    });
   }
 
   async function start() {
@@ -367,11 +371,16 @@
       waiting = true;
       if (drawing) return;
       drawing = true;
-      while (waiting) {
-        waiting = false;
-        await draw();
+      try {
+        while (waiting) {
+          waiting = false;
+          await draw();
+        }
+      } catch {
+        said.textContent = "These rides could not be loaded. Move a slider to try again.";
+      } finally {
+        drawing = false;
       }
-      drawing = false;
     }
 
     async function draw() {
@@ -409,7 +418,7 @@
           view.data("ride", flat.map((row) => ({ t: row.t, who: row.who, v: row[of] })));
           if (name.startsWith("strut")) view.data("stops", stopRows);
         }
-        return view.runAsync();
+        return view.resize().runAsync(); // the numbers beside an axis need other room
       }));
     }
 

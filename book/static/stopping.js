@@ -173,10 +173,15 @@
     const drawn = choice("as a dark line above", draws);
     for (const [name, panel] of Object.entries(panels)) grid.append(element("div", {}, element("p", {}, HEADINGS[name]), panel));
     if (panels.search) grid.lastChild.append(drawn);
-    const used = new Set([...recipe().trainings, ...data.search].map(({ method }) => method));
-    const legend = element("p", { class: "stopping-legend" }, ...Object.entries(data.methods)
-      .filter(([name]) => used.has(name))
-      .map(([, method]) => element("span", { style: `--colour: ${method.color}` }, method.label)));
+    const legend = element("p", { class: "stopping-legend" });
+
+    /** Name the methods that are drawn. */
+    function nameMethods() {
+      const used = new Set([...recipe().trainings, ...data.search].map(({ method }) => method));
+      legend.replaceChildren(...Object.entries(data.methods)
+        .filter(([name]) => used.has(name))
+        .map(([, method]) => element("span", { style: `--colour: ${method.color}` }, method.label)));
+    }
 
     function set(changes) {
       Object.assign(state, changes);
@@ -195,18 +200,26 @@
       if (state.rule) told.rule = state.rule;
       else told.stop = data.lengths[state.stop];
       if (state.draw !== null) told.draw = state.draw;
-      history.replaceState(null, "", `#${new URLSearchParams(told)}`);
+      const hash = `#${new URLSearchParams(told)}`;
+      if (hash === location.hash) return;
+      try {
+        history.replaceState(null, "", hash);
+      } catch {
+        // a browser allows so many changes in a while; the next one tells the state again
+      }
     }
 
+    /** Take the state from the address, and say whether there is one. */
     function recall() {
       const told = new URLSearchParams(location.hash.slice(1));
       const at = data.recipes.findIndex(({ id }) => id === told.get("recipe"));
-      if (at < 0) return;
+      if (at < 0) return false;
       state.recipe = at;
       if ([...minutes.options].some((option) => option.value === told.get("minutes"))) state.minutes = Number(told.get("minutes"));
       if (data.rules.includes(told.get("rule"))) state.rule = told.get("rule");
       else if (told.has("stop")) Object.assign(state, { rule: null, stop: nearest(Number(told.get("stop"))) });
       if (told.has("draw") && data.search[told.get("draw")]) state.draw = Number(told.get("draw"));
+      return true;
     }
 
     /** The place of the length nearest to so many samples. */
@@ -220,6 +233,10 @@
 
     /** Show the state; while it changes faster than the charts, only where it got to. */
     async function show() {
+      const last = recipe().trainings[0].kept.length - 1; // some recipes have no trainings as long as others
+      if (!state.rule) state.stop = Math.min(state.stop, last);
+      slider.max = last;
+      nameMethods();
       recipes.value = state.recipe;
       minutes.value = state.minutes;
       draws.value = state.draw ?? "";
@@ -228,7 +245,6 @@
       slider.setAttribute("aria-valuetext", `${million(data.lengths[slider.valueAsNumber])} samples`);
       buttons.forEach((button, at) => button.setAttribute("aria-pressed", state.rule === data.rules[at]));
       said.textContent = words();
-      if (begun) remember();
       waiting = true;
       if (drawing) return;
       drawing = true;
@@ -240,6 +256,7 @@
         }));
       }
       drawing = false;
+      if (begun) remember();
       root.dataset.shown = said.textContent;
     }
 
@@ -252,16 +269,10 @@
     }
 
     function drag(name) {
-      const seek = (event) => {
-        if (!event.buttons) return;
+      window.bookCharts.drag(panels[name], (event) => {
         const [x] = under(views[name], panels[name], event);
         set({ stop: nearest(Math.max(views[name].scale("x").invert(x), 1)), rule: null });
-      };
-      panels[name].addEventListener("pointerdown", (event) => {
-        panels[name].setPointerCapture(event.pointerId);
-        seek(event);
       });
-      panels[name].addEventListener("pointermove", seek);
     }
 
     function pick(event) {
@@ -285,8 +296,7 @@
       begun = true;
       new ResizeObserver(() => window.dispatchEvent(new Event("resize"))).observe(grid);
       addEventListener("hashchange", () => {
-        recall();
-        show();
+        if (recall()) show(); // else it is the address of a section
       });
     }
 

@@ -43,7 +43,7 @@ ROWS = (
 SUSPENSION, GEARING = ROWS[:3], ROWS[3:5]
 #: What is told of a ride.
 MEASURES = (
-    "distance",
+    "distance from the start",
     "range of height",
     "range of pitch, roll",
     "most strut travel",

@@ -87,7 +87,11 @@ window.sidmReplay = (() => {
         script.remove();
         resolve(make(content));
       };
-      script.addEventListener("error", reject);
+      script.addEventListener("error", (event) => {
+        pieces.delete(name); // the next one who needs it tries again
+        script.remove();
+        reject(event);
+      });
       document.head.append(script);
     });
     pieces.delete(name);
@@ -160,7 +164,7 @@ window.sidmReplay = (() => {
     controls() {
       const button = element("button", { type: "button", class: "replay-play" }, "Play");
       const scrub = element("input", { type: "range", min: 0, max: 1, step: 0.01, value: 0, "aria-label": "time", class: "replay-scrub" });
-      const clock = element("output", { class: "replay-clock" }, "0.00 s");
+      const clock = element("span", { class: "replay-clock" }, "0.00 s");
       const speed = element("select", { "aria-label": "speed" },
         ...SPEEDS.map((value) => element("option", { value }, `${value} ×`)));
       speed.value = 1;
@@ -424,6 +428,10 @@ window.sidmReplay = (() => {
 
     /** The time and the numbers beside the picture. */
     report() {
+      if (!this.drawn) {
+        this.listeners.forEach((listener) => listener(this.time));
+        return;
+      }
       const { scrub, clock } = this.control;
       scrub.value = this.time;
       const words = `${this.time.toFixed(2)} s`;
@@ -433,7 +441,7 @@ window.sidmReplay = (() => {
       this.robots.forEach(({ body, track }, i) => {
         const [x, y] = [body.position.x - track.position[0], body.position.y - track.position[1]];
         const apart = i ? `, ${first.distanceTo(body.position).toFixed(2)} m from the first` : "";
-        this.numbers[i].textContent = `${Math.hypot(x, y).toFixed(2)} m driven${apart}`;
+        this.numbers[i].textContent = `${Math.hypot(x, y).toFixed(2)} m from the start${apart}`;
       });
       this.listeners.forEach((listener) => listener(this.time));
     }
@@ -467,14 +475,16 @@ window.sidmReplay = (() => {
     const menu = element("select", { "aria-label": "what drives", class: "replay-choice" },
       ...Object.entries(names).map(([value, words]) => element("option", { value }, words)));
     async function show() {
-      const { ground: below, tracks, distance, label } = await piece(menu.value, whole);
+      const asked = menu.value;
+      const { ground: below, tracks, distance, label } = await piece(asked, whole);
+      if (asked !== menu.value) return; // another one was chosen meanwhile
       view.screen.setAttribute("aria-label", label);
       view.camera.distance = distance;
       view.settled = false;
       view.setGround(below);
       view.setTracks(tracks);
       view.seek(0);
-      root.dataset.shown = menu.value;
+      root.dataset.shown = asked;
     }
     menu.addEventListener("change", show);
     root.prepend(menu);
