@@ -111,10 +111,10 @@ def drive(
 
 
 def tilt(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pitch and roll over time, degrees, each (T,), of states (T, 13).
+    """Pitch and roll over time, degrees, each (..., T), of states (..., T, 13).
 
     Pitch is positive with the nose down, roll with the right side down. Where a robot
     turns over, the roll goes on beyond 180 degrees.
     """
-    pitch, roll = tilt_of(states[:, QUATERNION])
+    pitch, roll = tilt_of(states[..., QUATERNION])
     return np.degrees(pitch), np.degrees(np.unwrap(roll))

@@ -405,6 +405,19 @@ def test_each_rule_gives_the_published_numbers(stopping):
     assert spoken(published.iloc[0]) in sentence(page)
 
 
+#: A finger comes down on a chart, moves down by so many pixels, and goes.
+FINGER = """([x, y, down]) => {
+    const place = document.querySelector(".stopping-saving");
+    place.setPointerCapture = () => {};  // no such finger is on the screen
+    const event = (name, y, buttons) => place.dispatchEvent(new PointerEvent(name, {
+        pointerType: "touch", button: 0, buttons, clientX: x, clientY: y, bubbles: true,
+    }));
+    event("pointerdown", y, 1);
+    event("pointermove", y + down, 1);
+    event("pointerup", y + down, 0);
+}"""
+
+
 @pytest.mark.more
 def test_the_stopping_point_moves_by_key_pointer_and_address(stopping):
     page = stopping("recipe=R-system1&minutes=5&stop=1500000")
@@ -422,18 +435,18 @@ def test_the_stopping_point_moves_by_key_pointer_and_address(stopping):
     page.mouse.move(box["x"] + 0.95 * box["width"], middle, steps=4)
     page.mouse.up()
     assert sentence(page) != before and "million samples" in sentence(page)
-    before = sentence(page)
-    page.evaluate(
-        """([x, y]) => {
-            const place = document.querySelector(".stopping-saving");
-            place.setPointerCapture = () => {};  // no such finger is on the screen
-            place.dispatchEvent(new PointerEvent("pointerdown", {
-                pointerType: "touch", buttons: 1, clientX: x, clientY: y, bubbles: true,
-            }));
-        }""",
-        [box["x"] + 0.4 * box["width"], middle],
-    )
-    assert sentence(page) != before
+    before, place = sentence(page), [box["x"] + 0.4 * box["width"], middle]
+    page.evaluate(FINGER, [*place, 60])
+    assert sentence(page) == before  # a finger that scrolls the page
+    page.evaluate(FINGER, [*place, 0])
+    assert sentence(page) != before  # a tap
+    page.goto(page.url.partition("#")[0] + "#recipe=T-system1&stop=8000000")
+    page.reload()
+    page.locator("#stopping-stop").press("End")
+    assert "the data of an SIDM with 5 minutes" in sentence(page)
+    page.evaluate("() => (location.hash = '#a-section')")
+    page.evaluate(FRAMES)
+    assert page.url.endswith("#a-section")
 
 
 @pytest.mark.more

@@ -38,9 +38,13 @@ def test_looking_twice_a_step_changes_nothing(rides):
 
 
 def test_tilt_is_that_of_the_euler_angles():
-    state = np.zeros(13)
-    state[3:7] = Rotation.from_euler("ZYX", [70.0, 30.0, 40.0], degrees=True).as_quat()
-    assert tilt(state) == pytest.approx((30.0, 40.0))
+    """A robot that turns over has no jump in its roll."""
+    rolls = np.array([40.0, 120.0, 175.0, 200.0, 320.0])
+    angles = np.column_stack([np.full(5, 70.0), np.full(5, 30.0), rolls])
+    states = np.zeros((5, 13))
+    states[:, 3:7] = Rotation.from_euler("ZYX", angles, degrees=True).as_quat()
+    pitch, roll = tilt(states)
+    assert pitch == pytest.approx(np.full(5, 30.0)) and roll == pytest.approx(rolls)
 
 
 def test_two_rides_at_once_are_those_one_after_the_other():

@@ -166,6 +166,15 @@ def test_a_killed_run_goes_on_bit_for_bit_and_a_finished_one_is_read(
     same(run(how=how | {"progress": kill_at(0)}, **changes), whole)
 
 
+def test_data_that_no_training_can_have_are_refused(run, datasets, make_motion):
+    for changes, words in (
+        ({"test": datasets.test.first(0)}, "datasets.test has no windows"),
+        ({"expert": make_motion(2, steps=3)}, "have 6 steps, the expert's 3"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            run(sets=datasets._replace(**changes))
+
+
 def test_a_checkpoint_of_another_run_is_refused(run, datasets, tmp_path):
     how = {"checkpoint": tmp_path}
     run(how=how)
