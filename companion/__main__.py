@@ -32,7 +32,7 @@ def build_parser() -> argparse.ArgumentParser:
     text = "Simulate the data that a preset lacks; what is on disk is kept."
     collect = command("collect", commands.run_collect, text)
     _add_preset(collect)
-    text = "only what this one's trials need, also by size and seed; names as of run"
+    text = "only what this one's trials need, also by size and seed; a figure of trials"
     _add_grid(collect, text, default=None)
     _add_steps(collect)
     text = "hold the data against those of the results: what differs by rounding "
@@ -42,7 +42,10 @@ def build_parser() -> argparse.ArgumentParser:
     collect.add_argument("--workers", type=whole_number, metavar="N", help=text)
     _add_dask(collect)
 
-    text = "Run the trials of a figure that are not stored; can be stopped and goes on."
+    text = (
+        "Run the trials of a figure that are not stored, on motion that `collect` made; "
+        "can be stopped and goes on."
+    )
     run = command("run", commands.run_run, text)
     _add_preset(run)
     _add_grid(run)

@@ -156,9 +156,13 @@ def stored_line(store: Results, trials: Sequence[Trial], *commands: str) -> str:
     by_system = ", ".join(
         f"{count} of {system_label(system)}" for system, count in counts.items()
     )
+    listed = ", ".join(f"`{command}`" for command in commands)
+    after = ""
+    if any(command.startswith("companion run") for command in commands):
+        after = ", after `companion collect` with the same options"
     return (
         f"{len(missing)} of {len(trials)} trials are missing ({by_system}); "
-        f"{', '.join(f'`{command}`' for command in commands)} runs them."
+        f"{listed} runs them{after}."
     )
 
 

@@ -87,7 +87,7 @@ def add_compare(add: AddCommand) -> None:
     compare = add("compare", run_compare, text, examples)
     compare.add_argument("drives", metavar="PATH", nargs="+", help=DRIVES)
     add_robot_options(compare)
-    text = "methods that are compared (those that can learn these robots)"
+    text = "methods that are compared (the usual ones that can learn these robots)"
     compare.add_argument("--methods", metavar="NAME", nargs="+", default=[], help=text)
     text = "parts of the sessions, each held out once (%(default)s)"
     number: dict[str, Any] = {"type": whole_number, "metavar": "N"}
