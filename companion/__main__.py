@@ -43,8 +43,8 @@ def build_parser() -> argparse.ArgumentParser:
     _add_dask(collect)
 
     text = (
-        "Run the trials of a figure that are not stored, on motion that `collect` made; "
-        "can be stopped and goes on."
+        "Run the trials of a figure that are not stored, on motion that `collect` "
+        "made; can be stopped and goes on."
     )
     run = command("run", commands.run_run, text)
     _add_preset(run)
