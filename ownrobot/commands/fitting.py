@@ -170,6 +170,8 @@ def run_compare(arguments: argparse.Namespace) -> int:
     from ownrobot.comparison.run import compare
 
     out = Path(arguments.out)
+    if out.resolve() in {Path(path).resolve() for path in arguments.drives}:
+        raise ConfigError(f"{out} is read, too; name another folder")
     if not arguments.out.strip() or (out.exists() and not out.is_dir()):
         raise ConfigError(f"'{out}' is no folder; name one for the comparison")
     if (out / "model.json").exists():
@@ -210,7 +212,7 @@ def run_evaluate(arguments: argparse.Namespace) -> int:
     from sidm.storage import write_atomically
 
     outputs = arguments.figure, arguments.csv, arguments.drives_csv
-    refuse_inputs(outputs, arguments.drives)
+    refuse_inputs(outputs, [*arguments.drives, arguments.model])
     kind = _figure_kind(Path(arguments.figure))
     model, drives = _model_and_drives(arguments)
     table, by_drive = model.evaluate(drives), model.evaluate_drives(drives)
@@ -253,7 +255,7 @@ def run_predict(arguments: argparse.Namespace) -> int:
     """Run `ownrobot predict`: it writes the predictions as CSV."""
     if arguments.every and arguments.horizon is None:
         raise ConfigError("--every is of open-loop predictions: give --horizon, too")
-    refuse_inputs([arguments.out], arguments.drives)
+    refuse_inputs([arguments.out], [*arguments.drives, arguments.model])
     model, drives = _model_and_drives(arguments)
     table = model.predict(drives, horizon=arguments.horizon, every=arguments.every)
     if arguments.out:

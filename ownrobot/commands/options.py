@@ -53,9 +53,13 @@ def refuse_inputs(outputs: Iterable[str | None], inputs: Iterable[str | None]) -
     given = [session_and_path(path)[1] for path in inputs if path]
     read = [path for path in given if path.exists()]
     read += [file for path in read if path.is_dir() for file in path.rglob("*")]
+    written: set[Path] = set()
     for output in outputs:
         if output is None:
             continue
+        if Path(output).resolve() in written:
+            raise ConfigError(f"{output} is written twice; name another file")
+        written.add(Path(output).resolve())
         if not output.strip():
             raise ConfigError("a file to write has no name; pass a path")
         path = Path(output)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ownrobot.command_line import AddCommand
-from ownrobot.commands.options import refuse_inputs
+from ownrobot.commands.options import add_reading_options, refuse_inputs
 from sidm.config import ConfigError, DataError, no_such_file
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def add_replay(add: AddCommand) -> None:
     replay.add_argument("--body", metavar="FILE", help=text)
     text = "a model of the robot, whose prediction from the start is shown, too"
     replay.add_argument("--model", metavar="DIR", help=text)
+    add_reading_options(replay)
     text = "which of the drives, from 0 (%(default)s)"
     replay.add_argument("--drive", type=int, default=0, metavar="N", help=text)
     text = (
@@ -45,7 +46,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
     """Run `ownrobot replay`: it writes the page and prints where it is."""
     from ownrobot.replay.viewer import View
 
-    refuse_inputs([arguments.html], [arguments.ride, arguments.body])
+    refuse_inputs([arguments.html], [arguments.ride, arguments.body, arguments.model])
     path = Path(arguments.ride)
     is_scene = path.suffix == ".json"
     scene = _scene_of_file(path, arguments) if is_scene else _scene(path, arguments)
@@ -56,10 +57,11 @@ def run_replay(arguments: argparse.Namespace) -> int:
 
 def _scene_of_file(path: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     """The JSON types in the file of a scene."""
-    for name in ("body", "model", "drive", "shape"):
+    for name in ("body", "model", "drive", "shape", "topics", "skip_bad"):
         if getattr(arguments, name):
+            option = name.replace("_", "-")
             raise ConfigError(
-                f"{path} is a scene, and --{name} is of recorded drives; leave it out"
+                f"{path} is a scene, and --{option} is of recorded drives; leave it out"
             )
     if not path.exists():
         raise DataError(no_such_file(path))
@@ -89,7 +91,8 @@ def _scene(path: Path, arguments: argparse.Namespace) -> Scene:
         body = read_body(arguments.body)
     shape = arguments.shape or ("rover" if body == ROVER else "husky")
     robot = SYSTEMS["system1"].novice if shape == "rover" else find_box(shape)
-    drives = read_drives(path, body, allow_constant=True)
+    reading = {"topics": arguments.topics, "skip_bad": arguments.skip_bad}
+    drives = read_drives(path, body, allow_constant=True, **reading)
     if not 0 <= arguments.drive < len(drives):
         raise ConfigError(
             f"{path}: it has drives 0 to {len(drives) - 1}, not {arguments.drive}"

@@ -12,7 +12,7 @@ import numpy as np
 
 from ownrobot.body_file import as_body
 from ownrobot.recordings.reading import has_bags, is_table, read_drives
-from sidm.body import Body
+from sidm.body import Body, kind_of
 from sidm.config import ConfigError, Notice, counted, replace
 from sidm.drives import Drive, Ground
 
@@ -149,9 +149,12 @@ def _with_body(drive: Drive, body: Body, argument: str) -> Drive:
     """
 
     def layout(one: Body) -> dict[str, Any]:
-        columns = {"state": one.state, "actions": one.actions}
-        names = {kind: [name for name, _ in part] for kind, part in columns.items()}
-        return {"pose": one.pose} | names
+        parts = {"state": one.state, "actions": one.actions}
+        kinds = {
+            part: [(name, kind_of(unit) or unit) for name, unit in columns]
+            for part, columns in parts.items()
+        }
+        return {"pose": one.pose} | kinds
 
     expected = layout(body)
     for name, value in layout(drive.body).items():

@@ -133,7 +133,7 @@ def _row(
         "unit": SI.get(unit, unit),
         "rmse": rmse,
         "average": float(sizes.mean()),
-        "median": float(sizes.median()),
+        "median": float(np.median(sizes.numpy())),
         "nothing_changes": nothing,
         "mean": mean,
     }

@@ -56,7 +56,7 @@ def data_of(
     drives = divided(novice, steps)
     parts = train_test_split(drives, session_order(drives, seed))
     if not all(any(len(drive) >= steps for drive in part) for part in parts):
-        long = [drive for drive in drives if len(drive) >= steps]
+        long = divided([drive for drive in novice if len(drive) >= steps], steps)
         parts = train_test_split(long, session_order(long, seed))
     body = novice[0].body
     network = learning.network_for(settings, body, expert[0].body if expert else None)

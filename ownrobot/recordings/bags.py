@@ -33,6 +33,7 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
     parts, notes, session = read_topics(path, topics)
     pieces = [bag_columns(part, wanted, body.name) for part in parts]
     notes += _notes_of_commands(parts, wanted)
+    notes += filter(None, map(_note_of_cut, parts, pieces))
     columns = {n: np.concatenate([piece[n] for piece in pieces]) for n in pieces[0]}
     labels = {}
     if len(parts) > 1:
@@ -43,6 +44,18 @@ def read_bag(path: Path, body: Body, topics: Sequence[str] = ()) -> Table:
         numbers = np.arange(len(parts)).astype(str)
         labels["drive"] = np.repeat(numbers, [len(piece["time"]) for piece in pieces])
     return Table(str(path), columns, labels, None, notes=notes, session=session)
+
+
+def _note_of_cut(topics: Topics, columns: dict[str, np.ndarray]) -> str:
+    """What is said of poses before and after the other topics' messages; ''."""
+    poses, time = next(iter(topics.pose.values())).times, columns["time"]
+    cut = time[0] - poses[0], poses[-1] - time[-1]
+    if max(cut) < LONG_PAUSE:
+        return ""
+    return (
+        f"{cut[0]:.3g} s at its start and {cut[1]:.3g} s at its end have poses without "
+        "commands or other sensors, and are left out"
+    )
 
 
 def _notes_of_commands(parts: Sequence[Topics], wanted: Sequence[str]) -> list[str]:

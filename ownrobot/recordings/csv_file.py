@@ -69,7 +69,7 @@ def read_csv(path: Path, body: Body, lenient: bool = False) -> Table:
         )
     factors = unit_factors(names, text.units, body, timed)
     labels: dict[str, np.ndarray] = {
-        name: np.array(text.column(name))
+        name: np.array([cell.strip() for cell in text.column(name)])
         for name in ("drive", "session")
         if name in names
     }
@@ -202,8 +202,13 @@ def _add_yaw(table: TextTable) -> None:
     names = table.names
     if "yaw" in names or any(names.count(name) != 1 for name in QUATERNION):
         return
-    parts = [[*map(as_float, table.column(name))] for name in QUATERNION]
-    table.cells.append([*map(str, yaw_of(np.transpose(parts)))])
+    comma, point = (",", ".") if table.decimal_commas else (".", ".")
+    parts = [
+        [as_float(cell.replace(comma, point)) for cell in table.column(name)]
+        for name in QUATERNION
+    ]
+    yaws = yaw_of(np.transpose(parts))
+    table.cells.append([str(yaw).replace(point, comma) for yaw in yaws])
     table.names.append("yaw")
     table.units.append("rad")
 
@@ -219,7 +224,7 @@ def write_csv(path: Path, drives: Sequence[Drive], origin: str) -> None:
     frame = pd.DataFrame(rows, columns=titles)
     frame.insert(0, "session", np.repeat([drive.session for drive in drives], lengths))
     frame.insert(1, "drive", np.repeat(np.arange(len(drives)), lengths))
-    table = frame.to_csv(index=False, float_format="%.9g", lineterminator="\n")
+    table = frame.to_csv(index=False, float_format="%.12g", lineterminator="\n")
     rate = str(body.rate).removesuffix(".0")  # all digits of a rate such as 20 / 3 Hz
     text = f"# origin: {origin}\n# rate: {rate} Hz\n{table}".encode()
     if path.suffix == ".gz":

@@ -13,6 +13,7 @@ import gzip
 import lzma
 import math
 import re
+import sys
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -55,13 +56,17 @@ class TextTable:
         """The cells of a column."""
         return self.cells[self.names.index(name)]
 
-    def numbers(self, name: str, lenient: bool = False) -> np.ndarray:
+    def numbers(
+        self, name: str, lenient: bool = False, largest: float = LARGEST
+    ) -> np.ndarray:
         """The numbers (R,) of a column; others are refused, or NaN if `lenient`."""
         cells = self.column(name)
         if self.decimal_commas:
             comma = next((n for n, cell in enumerate(cells) if "," in cell), None)
             if comma is not None and any(
-                "." in c for column in self.cells for c in column
+                "." in cell and math.isfinite(as_float(cell))
+                for column in self.cells
+                for cell in column
             ):
                 raise RecordingError(
                     f"line {self.lines[comma]}: '{cells[comma]}' of "
@@ -70,13 +75,18 @@ class TextTable:
                 )
             cells = [cell.replace(",", ".") for cell in cells]
         values = np.array([*map(as_float, cells)])
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+        bad = np.flatnonzero(~(np.abs(values) <= largest))
         if lenient:
             values[bad] = np.nan
         elif bad.size:
             self.refuse_sparse()
             first = bad[0]
             beyond = np.isfinite(values[first])
+            if name == "time" and not beyond and len(bad) == len(values):
+                raise RecordingError(
+                    f"line {self.lines[first]}: '{cells[first]}' of 'time' is no "
+                    "number; export times as numbers of s, ms, us or ns"
+                )
             raise RecordingError(
                 f"line {self.lines[first]}: '{cells[first]}' of '{name}' is "
                 f"{'beyond 1e15' if beyond else 'no finite number'}; leave the line out"
@@ -88,7 +98,7 @@ class TextTable:
         try:
             whole = [*map(int, self.column("time"))]
         except ValueError:
-            values = self.numbers("time")
+            values = self.numbers("time", largest=sys.float_info.max)
             return values - values[0]
         return np.array([value - whole[0] for value in whole], float)
 
@@ -164,18 +174,20 @@ def split_header(
     """The header of a file, its comments, and the numbered lines after it."""
     lines = _decoded(path).splitlines()
     header: dict[str, str] = {}
-    comments, kept = [], []
+    comments: list[str] = []
+    kept: list[tuple[int, str]] = []
     if lines and (found := re.fullmatch(r"sep=(.)", lines[0].strip())):
         header["sep"] = found[1]
         lines[0] = ""
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
-        if not line.startswith("#"):
+        if not line.startswith("#") or (kept and _as_many_cells(line, kept[0][1])):
             kept.append((number, line))
             continue
         text = line.lstrip("#").strip()
         name, colon, value = map(str.strip, text.partition(":"))
+        value = value.rstrip(",;\t ")  # a spreadsheet fills up its rows
         if kept:
             continue
         if not colon or name not in HEADER:
@@ -187,6 +199,14 @@ def split_header(
         else:
             header[name] = value
     return header, comments, kept
+
+
+def _as_many_cells(line: str, other: str) -> bool:
+    """Whether two lines have the same separators, and some."""
+    counts = [
+        (one.count(","), one.count(";"), one.count("\t")) for one in (line, other)
+    ]
+    return counts[0] == counts[1] and any(counts[0])
 
 
 def _decoded(path: Path) -> str:

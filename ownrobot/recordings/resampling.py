@@ -1,13 +1,14 @@
 """Rows of a table divided into drives and brought to the rate of control steps.
 
-States are interpolated. An action is the mean of the rows' actions in its control step,
-or that of the last row before where the step has no row; a row may be a little late.
-Angles are averaged around the circle. A pose that repeats itself
+States are interpolated. An action is the mean of what is commanded in its control step,
+where the action of a row holds until the next row; a row may be a little late. Angles
+that stay within one turn are averaged around the circle. A pose that repeats itself
 because its sensor is slower than the rows is interpolated as well.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from sidm.drives import Drive, Ground
 MAX_REPEATS = 2  # rows in which a slower sensor's pose may repeat itself, at least
 MIN_STEPS = 8  # control steps of a drive
 PLACES = 3  # pauses of a drive whose times a note tells
+TURN = 2 * np.pi + 1e-6  # rad, a full turn and rounding
 JITTER = 0.1  # of the rows' spacing, by which a row may be late for its step
 FEWEST_CHANGES = 10  # of a pose, from which the rate of its sensor is known
 
@@ -44,9 +46,13 @@ def rows_of_drives(table: Table, body: Body, findings: Findings) -> list[Rows]:
     sessions, names = (table.labels.get(n, no_labels) for n in ("session", "drive"))
     changed = (sessions[1:] != sessions[:-1]) | (names[1:] != names[:-1])
     starts, found = np.flatnonzero(changed) + 1, []
+    known: Counter[str] = Counter()
     for number, rows in enumerate(np.split(np.arange(count), starts)):
         labels = (sessions[rows[0]], names[rows[0]]) if len(rows) else ()
         label = "/".join(filter(None, labels)) or str(number)
+        known[label] += 1
+        if known[label] > 1:  # another drive with the same label
+            label = f"{label}.{known[label]}"
         where = f"{table.name}: drive {label}" if len(starts) else table.name
         columns = {name: values[rows] for name, values in table.columns.items()}
         if table.ground and body.pose_size:
@@ -74,7 +80,10 @@ def _checked(
     angles = _angles(body.state)
     for column in angles:
         checks.refuse_angles(body.state[column][0], states[:, column])
-    states[:, angles] = np.unwrap(states[:, angles], axis=0)
+    yaw = [column for column in angles if column < body.pose_size]
+    turning = {*yaw, *_within_a_turn(states, angles)}
+    for column in turning:
+        states[:, column] = np.unwrap(states[:, column])
     if body.pose == "spatial":
         states[:, 3:7] = checks.unit_quaternions(states[:, 3:7])
     return states, actions, time, spacing
@@ -83,6 +92,11 @@ def _checked(
 def _angles(columns: Columns) -> list[int]:
     """Numbers of the columns that are angles."""
     return [n for n, (_, unit) in enumerate(columns) if unit in UNITS["angle"]]
+
+
+def _within_a_turn(values: np.ndarray, angles: list[int]) -> list[int]:
+    """Those of the angles whose values (R, C) may wrap; a motor's turns add up."""
+    return [n for n in angles if np.ptp(values[:, n]) <= TURN]
 
 
 def drives_of_rows(
@@ -149,20 +163,36 @@ def resampled(
     at_rate = np.stack([*pose, *others], 1)
     if body.pose == "spatial":
         at_rate[:, 3:7] /= np.linalg.norm(at_rate[:, 3:7], axis=1, keepdims=True)
-    # the row whose action holds at each time of the grid
-    held = np.searchsorted(time, grid + JITTER * spacing, side="right") - 1
-    return at_rate, _means(actions, held, _angles(body.actions))
+    angles = _within_a_turn(actions, _angles(body.actions))
+    return at_rate, _means(actions, time, grid, JITTER * spacing, angles)
 
 
-def _means(actions: np.ndarray, held: np.ndarray, angles: list[int]) -> np.ndarray:
-    """Means (K, A) of actions (R, A) between the rows `held` (K + 1,)."""
-    counts = np.maximum(np.diff(held), 1)
-    means = np.empty((len(counts), actions.shape[1]))
+def _means(
+    actions: np.ndarray,
+    time: np.ndarray,
+    grid: np.ndarray,
+    late: float,
+    angles: list[int],
+) -> np.ndarray:
+    """Means (K, A) of actions (R, A), each held to the next row, between grid times.
+
+    A row that is so `late`, s, or less for a time of the grid counts from there on.
+    """
+    first = np.searchsorted(time, grid + late, side="right") - 1
+    on_grid = np.abs(time[first] - grid) <= late
+    whole = on_grid[:-1] & on_grid[1:]  # steps of whole rows, which count alike
+    last = np.searchsorted(time, grid[1:] - late, side="left") - 1
+    first, last = first[:-1], np.maximum(last, first[:-1])
+    counts, means = last - first + 1, np.empty((len(first), actions.shape[1]))
     for count in np.unique(counts):  # steps of as many rows are taken together
         steps = np.flatnonzero(counts == count)
-        parts = actions[held[steps, None] + np.arange(count)]  # (steps, count, A)
+        rows = first[steps, None] + np.arange(count)  # (steps, count)
+        parts = actions[rows]  # (steps, count, A)
         parts[..., angles] = np.unwrap(parts[..., angles], axis=1)
-        means[steps] = parts.mean(1)
+        ends = np.column_stack([grid[steps], time[rows[:, 1:]], grid[steps + 1]])
+        shares = np.diff(ends, axis=1) / (ends[:, -1:] - ends[:, :1])
+        weighted = (parts * shares[..., None]).sum(1)
+        means[steps] = np.where(whole[steps, None], parts.mean(1), weighted)
     return means
 
 

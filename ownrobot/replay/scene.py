@@ -164,6 +164,11 @@ def drive_scene(
     then of robot and model.
     """
     base = wheel_dimensions(shape)[0]
+    if drive.ground is None and drive.body.pose_size:  # a map's origin may be far away
+        start = np.zeros(drive.states.shape[1])
+        start[:2] = drive.states[0, :2]
+        drive = replace(drive, states=drive.states - start)
+        path = None if path is None else path - start
     if path is None:
         ground = _ground_under([drive])
         track = drive_track(drive, ground, shape, drive.name, COLOURS[0])

@@ -112,7 +112,7 @@ def test_what_cannot_be_fitted_is_one_line(drives):
         ({"seed": -1}, "seed must be 0 or more, not -1"),
         ({"test": 1}, "a share below 1"),
         ({"out": " "}, "the model's folder has no name"),
-        ({"body": HUNTER}, "skid-steered', which differs from body .* in its actions"),
+        ({"body": HUNTER}, "skid-steered', which differs from body .* in its state"),
     ):
         with pytest.raises(ConfigError, match=words):
             ownrobot.fit(**{"novice": drives["warthog"], "body": SKID} | how)
@@ -294,6 +294,11 @@ PAIRS = [drive_of(f"{n // 2}", 80, n, f"{n}") for n in range(12)]
 def test_what_may_surprise_is_noted(arguments, how, words):
     with pytest.warns(Notice, match=words):
         ownrobot.fit(*arguments, **how)
+
+
+def test_a_long_drive_is_divided_though_short_ones_lie_beside_it():
+    long, short = sessions([2000]), [drive_of(f"short {n}", 24, n) for n in range(3)]
+    assert ownrobot.fit([*long, *short]).steps == ownrobot.fit(long).steps == 64
 
 
 def test_an_expert_that_a_method_does_not_learn_from_changes_nothing():

@@ -42,6 +42,8 @@ def timed(name, times, **how) -> bytes:
 
 
 PLAIN = timed("time [s]", (f"{t:.2f}" for t in TIME)).decode()
+#: A column that nothing reads, whose texts have points (here `#`), and quaternions.
+DATED = {"time [s]": list(TIME), "Datum": ["01#05#2024"] * 200}
 WHOLE = [str(1_403_636_580_838_555_648 + 50_000_000 * n) for n in range(200)]
 PAIRS = [f"{1_700_000_000 + n // 20},{n % 20 * 50_000_000}" for n in range(200)]
 
@@ -63,6 +65,12 @@ PAIRS = [f"{1_700_000_000 + n // 20},{n % 20 * 50_000_000}" for n in range(200)]
         ("a.csv", timed("sec,nanosec", PAIRS)),
         ("a.csv", timed("stamp.secs,stamp.nsecs", PAIRS)),
         ("a.csv", timed("time [ms]", 1000 * TIME)),
+        ("a.csv", timed("time [us]", (f"{1.7e15 + 1e6 * t:.1f}" for t in TIME))),
+        ("a.csv", csv(MOTION, ";", head="# rate: 20 Hz;;;;\n").encode()),
+        (
+            "a.csv",
+            csv(DATED | MOTION, ";").replace(".", ",").replace("#", ".").encode(),
+        ),
     ],
 )
 def test_a_loggers_file_has_the_same_drive(tmp_path, name, content):
@@ -93,6 +101,10 @@ SPARSE = MOTION | {name: [""] * 200 for name in ("x [m]", "y [m]", "yaw [rad]")}
             "remove commas between thousands",
         ),
         (timed("time [s]", 1000 * TIME).decode(), "is 'time' in ms"),
+        (
+            timed("time [s]", ["2024-05-01"] * 200).decode(),
+            "export times as numbers of s",
+        ),
         (PLAIN.replace("yaw [rad]", "yaw [deg]"), "called degrees"),
         (csv({"time [s]": TIME} | SPARSE), "several rates are exported together"),
     ],

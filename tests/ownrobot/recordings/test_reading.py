@@ -179,6 +179,54 @@ def test_what_is_written_in_si_units_reads_back(write, tmp_path):
         assert np.allclose(again[2].states, drive.states, rtol=1e-6)
 
 
+@pytest.mark.parametrize("rate", [12.0, 12.5, 15.0, 25.0])
+def test_an_action_is_the_mean_of_what_is_commanded_in_its_step(write, rng, rate):
+    """Rows whose rate is no multiple of the body's count by their share of the step."""
+    body = replace(BODY, pose="none", columns=(("wheel", "rad/s"),))
+    values, time = rng.uniform(-1, 1, 80), np.arange(80) / rate
+    lines = [f"{wheel:.9g},{u:.9g}" for wheel, u in zip(time, values, strict=True)]
+    header = f"# rate: {rate} Hz\nwheel [rad/s],throttle [1]\n"
+    (drive,) = read_drives(write(header + "\n".join(lines)), body)
+    fine = 0.1 * (np.arange(len(drive))[:, None] + (np.arange(1000) + 0.5) / 1000)
+    commanded = values[np.searchsorted(time, fine, side="right") - 1].mean(1)
+    assert drive.actions[:, 0] == pytest.approx(commanded, abs=2e-3)
+
+
+def test_a_motors_turns_add_up_and_a_heading_wraps(write):
+    """A motor turns by 5 rad between two rows; the heading crosses 180 degrees."""
+    body = replace(BODY, columns=(("yaw_rate", "rad/s"), ("wheel", "rad")))
+    rows = circle()
+    rows[:, 2] = np.mod(rows[:, 2] + 3, 2 * np.pi)
+    rows[:, 4] = 5 * np.arange(len(rows))
+    (drive,) = read_drives(
+        write(text(rows, NAMES.replace("rad/s],th", "rad],th"))), body
+    )
+    assert np.allclose(np.diff(drive.states[:, 4]), 10)
+    assert np.allclose(np.diff(drive.states[:, 2]), 0.05)
+
+
+def test_drives_in_map_coordinates_come_back(write, tmp_path):
+    (drive,) = read_drives(write(text()), BODY)
+    far = replace(drive, states=drive.states + [5e5, 4.5e6, 0, 0, 0])
+    write_drives(tmp_path / "far.csv", [far], "a test")
+    (again,) = read_drives(tmp_path / "far.csv", BODY)
+    assert np.abs(again.states - far.states).max() < 1e-4
+
+
+def test_drives_with_one_label_are_told_apart(write):
+    rows = circle(123)
+    lines = text(rows).splitlines()
+    labels = ["1"] * 41 + ["#2"] * 41 + ["1"] * 41
+    body = [f"{label},{line}" for label, line in zip(labels, lines[2:], strict=True)]
+    drives = read_drives(write("\n".join([lines[0], f"drive,{lines[1]}", *body])), BODY)
+    assert [drive.name.rpartition("drive ")[2] for drive in drives] == [
+        "1",
+        "#2",
+        "1.2",
+    ]
+    assert len({drive.session for drive in drives}) == 3
+
+
 def test_a_rate_keeps_all_its_digits(write, tmp_path):
     body = replace(BODY, rate=20 / 3)
     (drive,) = read_drives(write(text(circle(121))), body)

@@ -160,6 +160,8 @@ def cart() -> Drive:
 def test_a_recorded_drive_stands_on_level_ground_and_needs_a_pose(cart):
     scene = drive_scene(cart)
     track = scene.tracks[0]
+    far = drive_scene(replace(cart, states=cart.states + [5e5, 4.5e6, 0, 0]))
+    assert np.allclose(far.tracks[0].position, track.position, atol=1e-6)
     assert track.position[:, :2] == pytest.approx(cart.states[:, :2])
     frames = places(
         track.skeleton, track.position[7], track.quaternion[7], track.joints[7]
