@@ -59,16 +59,6 @@ class Trainer:
                 "p_expert above 0 and regularise need the expert's data, "
                 "but datasets.expert is None"
             )
-        for name, windows in (("train", datasets.train), ("test", datasets.test)):
-            if not len(windows):
-                raise ConfigError(f"datasets.{name} has no windows")
-        if training.needs_expert and datasets.expert is not None:
-            both = datasets.train, datasets.expert
-            novice, expert = (windows.stored_inputs.shape[1] for windows in both)
-            if novice != expert:
-                raise ConfigError(
-                    f"windows of the novice have {novice} steps, the expert's {expert}"
-                )
         roles = tuple(roles) or (ROLES if training.needs_expert else ("novice",))
         for role in roles:
             training.check_body(network.body(role))

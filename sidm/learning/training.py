@@ -13,6 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from sidm.config import ConfigError
 from sidm.learning.arithmetic import flushed_denormals, matmul_precision
 from sidm.learning.checkpoint import Checkpoint
 from sidm.learning.dataset import Datasets
@@ -93,6 +94,7 @@ def train(
         >>> trained.samples
         3072
     """
+    _refuse_data(datasets, training)
     seed = operator.index(seed)  # NumPy's integers are seeds, too
     settings = datasets, network, training, seed, standardisation, device, start
     trainer = (training.trainer() or Trainer)(*settings)
@@ -100,6 +102,20 @@ def train(
     state.restore(trainer)
     with matmul_precision(training.precision), flushed_denormals():
         return learn(trainer, progress, state)
+
+
+def _refuse_data(datasets: Datasets, training: Training) -> None:
+    """Refuse data that no training can have."""
+    for name, windows in (("train", datasets.train), ("test", datasets.test)):
+        if not len(windows):
+            raise ConfigError(f"datasets.{name} has no windows")
+    if training.needs_expert and datasets.expert is not None:
+        both = datasets.train, datasets.expert
+        novice, expert = (windows.stored_inputs.shape[1] for windows in both)
+        if novice != expert:
+            raise ConfigError(
+                f"windows of the novice have {novice} steps, the expert's {expert}"
+            )
 
 
 def learn(
