@@ -34,6 +34,7 @@
   });
   addEventListener("afterprint", () => {
     if (theme) document.documentElement.dataset.theme = theme;
+    else delete document.documentElement.dataset.theme;
   });
 
   /** Draw a specification of companion.figures.themed in a place; returns Vega's view. */

@@ -95,7 +95,7 @@ def _angles(columns: Columns) -> list[int]:
 
 
 def _within_a_turn(values: np.ndarray, angles: list[int]) -> list[int]:
-    """Those of the angles whose values (R, C) may wrap; a motor's turns add up."""
+    """The angles whose values (R, C) may wrap; a motor's turns add up."""
     return [n for n in angles if np.ptp(values[:, n]) <= TURN]
 
 

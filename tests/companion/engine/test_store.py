@@ -146,7 +146,7 @@ def test_what_is_not_the_row_is_named_in_one_line(
 
 
 def test_what_was_drawn_of_motion_made_again_goes_with_the_rest(tmp_path, trials):
-    """Its digest is of a part, and the whole motion of the robot is compared."""
+    """The digest is of a part, and the whole motion of the robot is compared."""
     seen = [{"pool/1125, 5 min, seed 0": digest} for digest in ("one", "other")]
     known_motion.refuse_mixed(seen, tmp_path)
     with pytest.raises(OtherMotion, match="rows of pool/1125 were made with different"):

@@ -302,7 +302,7 @@ def test_a_long_drive_is_divided_though_short_ones_lie_beside_it():
 
 
 def test_an_expert_that_a_method_does_not_learn_from_changes_nothing():
-    """Its drives are too short for the windows that the novice's drives allow."""
+    """The expert's drives are too short for the windows of the novice's drives."""
     short = [drive_of(f"{n}", 24, 50 + n) for n in range(12)]
     with pytest.warns(Notice, match="does not learn from the expert's"):
         model = ownrobot.fit(MANY, short, "least_squares")
