@@ -29,6 +29,7 @@ from companion.studies.decisive.arms import (
     R_CAPS,
     ablations,
     arm,
+    both_phases,
     restricted,
 )
 from companion.studies.decisive.verdicts import END, RELEASED
@@ -41,6 +42,8 @@ LABELS = {
     "discriminator_iterations": "discriminator",
     "prediction_iterations": "prediction",
 }
+#: Columns of `phase_losses`.
+PHASES = ["system", "iterations", "prediction", "matching", "accuracy", "unrest"]
 TICKS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0)  # of ratios
 
 
@@ -110,6 +113,39 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
         parts = [pooled_comparison(every, every, by, "loss").assign(corrected=np.nan)]
     table = pd.concat(parts, ignore_index=True)
     return table.assign(differs=table.corrected < 0.05)
+
+
+def phase_losses(study: Study, store: Results) -> pd.DataFrame:
+    """Losses of both phases over the second half of a training, of step E1 again.
+
+    A row per stored training: `system`, `iterations` a phase, and the means of the
+    `prediction` loss on the novice's training data, of the `matching` loss, equation
+    (4), and of the discriminator's `accuracy`. The `unrest` is how much the logarithm
+    of the prediction loss changes from one test to the next, as a standard deviation.
+    """
+    rows = []
+    for row in store.frame(both_phases(study), curves=True).itertuples():
+        matching, prediction = row.matching_iterations, row.prediction_iterations
+        tests = slice(len(row.every_training_loss) // 2, None)
+        losses, matched, accuracy = (
+            np.array(values[tests], float)
+            for values in (
+                row.every_training_loss,
+                row.every_matching_loss,
+                row.every_discriminator_accuracy,
+            )
+        )
+        rows.append(
+            {
+                "system": row.system,
+                "iterations": f"{prediction} prediction, {matching} matching",
+                "prediction": losses.mean(),
+                "matching": matched.mean(),
+                "accuracy": accuracy.mean(),
+                "unrest": np.diff(np.log(losses)).std(),
+            }
+        )
+    return pd.DataFrame(rows, columns=PHASES)
 
 
 @styled

@@ -63,6 +63,8 @@ OF_R: dict[str, dict[str, float]] = {
     "matching_iterations": dict.fromkeys(ABLATION_CAPS, 20),
     "prediction_iterations": dict.fromkeys(ABLATION_CAPS, 100),
 }
+#: changes of E1 that make one phase five times as long
+LONG_PHASES = ("matching_iterations", 100), ("prediction_iterations", 500)
 #: draws of step 0 whose decay is near the rival's, still improving when they were cut
 DECAY_DRAWS = (8, 17)
 DECAY_CAP = 16 * MILLION  # 6 to 7 of them the novice's, as many as the rival sees
@@ -138,6 +140,19 @@ def ablations(study: Study) -> list[Trial]:
         for value in values
         for system in ABLATION_CAPS
         if value != OF_R[setting][system]
+    ]
+
+
+def both_phases(study: Study) -> list[Trial]:
+    """Step E1 again: R with seed 0, to the caps of E1, then with each long phase.
+
+    A1 and A2 stored neither the matching loss nor the discriminator's accuracy.
+    """
+    changes = ("matching_iterations", 20), *LONG_PHASES
+    return [
+        ablated(study, system, setting, value, 0)
+        for setting, value in changes
+        for system in ABLATION_CAPS
     ]
 
 

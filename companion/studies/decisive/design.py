@@ -78,6 +78,7 @@ STEPS = (
     Step("C", "free struts, R and T; another policy, R", 30, other_motion),
     Step("D", "seeds 5 to 9 at 5 min, and training alone at 20", 60, more_seeds),
     Step("E1", "R with one setting changed: p_e, phases", 48, arms.ablations),
+    Step("E1 again", "R and its long phases, each phase's loss", 6, arms.both_phases),
     Step("E2", "the SIDM with the rival's decay, system 1", 6, arms.rivals_decay),
     Step("E3", "T, system 2, what decides at 5 min", 25, arms.tuned_on_system2),
     Step("E4", "R until its own rule ends it, system 1", 15, arms.to_its_rule),

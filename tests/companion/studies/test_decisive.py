@@ -313,7 +313,7 @@ def test_each_step_says_what_is_stored_and_how_long_it_took(study, make_row, tmp
     assert lines[0].startswith("step 0: search, system 1: 3 of 40 trainings stored, ")
     assert "0.0 core-hours, 25 samples a second" in lines[0]
     listed = (trial for step in STEPS for trial in step.trials(study))
-    planned = 358 + 103 - sum(not trial.solved for trial in listed)
+    planned = 358 + 109 - sum(not trial.solved for trial in listed)
     assert unknown == 0  # some of the trials are asked for
     _, unknown = design.overview_by_step(study, store, grid("study", "decisive"))
     assert unknown == planned - 5  # five of step E3 are of step B2, too
@@ -391,6 +391,29 @@ def test_a_setting_is_held_against_r_seed_by_seed_at_one_cap(results):
     few = ablated.table(results[(results.setting == "") | (results.value == 0.9)])
     assert few.corrected.isna().all() and not few.differs.any()
     assert ablated.table(results[results.seed == 0]).low.isna().all()
+
+
+def test_each_phase_has_its_loss(study, store, make_row):
+    """The second half counts; a loss that doubles and halves has an unrest of log 2."""
+    for trial in arms.both_phases(study):
+        row = make_row(trial, 0.3)
+        matched = trial.training.matching_iterations / 100
+        curves = {
+            "test_spacing": WIDE,
+            "every_training_loss": (9.0, 9.0, 0.2, 0.4, 0.2, 0.4),
+            "every_test_loss": (0.3,) * 6,
+            "every_validation_loss": (0.3,) * 6,
+            "every_matching_loss": (None, 9.0, *[matched] * 4),
+            "every_discriminator_accuracy": (None, 1.0, *[0.5] * 4),
+        }
+        outcome = dataclasses.replace(row.outcome, **curves)
+        store.put(dataclasses.replace(row, outcome=outcome))
+    table = ablated.phase_losses(study, store)
+    assert table.matching.to_numpy() == pytest.approx([0.2, 0.2, 1, 1, 0.2, 0.2])
+    assert table.iterations[4] == "500 prediction, 20 matching"
+    assert table.prediction.to_numpy() == pytest.approx(1 / 3)
+    assert table.unrest.to_numpy() == pytest.approx(np.log(2))
+    assert ablated.phase_losses(study, Results(store.folder / "none")).empty
 
 
 def test_a_p_value_belongs_to_its_interval(rng):
