@@ -29,6 +29,7 @@ COLOURED = ("sidm", "novice_only", "pretrain_finetune")
 NEUTRAL = "#333333"
 
 NAMED_HEIGHT = 0.42  # inch, of a row with its name above
+NARROW = 5.2  # inch, of a figure of one plot
 HOLLOW = {"markerfacecolor": "white"}
 
 
@@ -59,7 +60,7 @@ def dot_plot(
     ends = table[["value", "low", "high"]].to_numpy(float)
     if len(ends):
         limits = np.nanmin(ends) / ROOM, np.nanmax(ends) * ROOM
-        ticks = _apart(ticks, limits, CLOSEST * side_by)
+        ticks = apart(ticks, limits, CLOSEST * side_by)
     for axes, name in zip(plots, names, strict=False):
         axes.axvline(1.0, color="0.5", linestyle=":", marker="", zorder=0)
         axes.set(title=textwrap.fill(name, LETTERS // side_by))
@@ -88,7 +89,7 @@ def dot_plot(
     return drawn
 
 
-def _apart(
+def apart(
     ticks: Sequence[float], limits: tuple[float, float], least: float
 ) -> list[float]:
     """The ticks within limits with room for their numbers, from that at 1 outwards.
@@ -119,9 +120,12 @@ def dot_plots(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of plots beside each other, each with room for rows of dots.
 
-    A row with its name has a height in inches.
+    A row with its name has a height in inches. One plot alone is narrow, since a phone
+    cannot stack parts of it.
     """
     figure, panels = side_by_side(count)
+    if count == 1:
+        figure.set_figwidth(NARROW)
     figure.set_figheight(1.2 + height * max(rows, 3))
     return figure, panels
 

@@ -20,7 +20,7 @@ from companion.statistics.intervals import FEWEST_SEEDS
 from companion.statistics.pairs import interval_texts, paired_comparison
 from companion.statistics.tables import wide
 from companion.studies import ablations
-from companion.studies.decisive import verdicts
+from companion.studies.decisive import ablated, verdicts
 from companion.studies.decisive.length_curves import RECIPE_LABELS
 from companion.studies.latent_space import measure
 from companion.studies.reproduction import with_repeats
@@ -38,14 +38,31 @@ LESS_EXPERT = f"p_e of {ablations.MOST_DATA_P_EXPERT:g}"
 NO_ADVERSARY = METHODS["no_regularisation"].label
 
 
+OTHER_P_EXPERT = "a high or a low p_e is worse than the paper's"
+LONG_PHASE = "too long a phase leads to high losses for the other"
+#: Setting of recipe R that step E1 changes, and its value -> a statement on it, which
+#: expects a higher loss than R's, and the statement's reading.
+BALANCE = {
+    ("p_expert", 0.9): (OTHER_P_EXPERT, "loss at a p_e of 0.9 / at the paper's"),
+    ("p_expert", 0.25): (OTHER_P_EXPERT, "loss at a p_e of 0.25 / at the paper's"),
+    ("matching_iterations", 100.0): (
+        LONG_PHASE,
+        "prediction loss with 100 matching iterations a phase / with 20",
+    ),
+}
+
+
 #: Columns of a table of readings: a statement of the paper, how it is read, what was
 #: measured, with its interval, and whether the verdict is corrected by Holm over the
-#: verdicts of the decisive experiment.
+#: verdicts of the decisive experiment, or over a system's settings in its step E1.
 COLUMNS = ["statement", "reading", "system", "ours", "seeds", "verdict", "corrected"]
 
 
 def _readings(
-    statement: str, reading: str, rows: pd.DataFrame, corrected: bool = False
+    statement: str,
+    reading: str,
+    rows: pd.DataFrame,
+    corrected: bool | pd.Series = False,
 ) -> pd.DataFrame:
     """A table with COLUMNS of rows with `system`, `ours`, `seeds` and `verdict`."""
     said = {"statement": statement, "reading": reading, "corrected": corrected}
@@ -172,6 +189,17 @@ def alikeness(latents: pd.DataFrame) -> Iterator[pd.DataFrame]:
         yield _readings("latents become alike", reading, rows)
 
 
+def balance(ratios: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    """What step E1 says of p_e and of long phases (section 4), of `ablated.table`."""
+    ends = ratios[ratios.rule == verdicts.END]
+    for (setting, value), (said, reading) in BALANCE.items():
+        rows = ends[ends.setting.eq(setting) & ends.value.eq(value)]
+        rows = rows.assign(value=rows.ratio, verdict=ablated.says_above(rows))
+        rows = _with_texts(rows, "loss", 3)
+        named = f"{AS_RELEASED}: {reading}"
+        yield _readings(said, named, rows, rows.corrected.notna())
+
+
 def high_p_expert(
     p_expert: pd.DataFrame, study: Study, results: Results
 ) -> pd.DataFrame:
@@ -181,16 +209,16 @@ def high_p_expert(
     most = ablations.proportional(study.preset, LITTLE)
     usual = with_repeats(few[few.p_expert == papers], results.folder)
     return _readings(
-        "a p_e proportional to the data is too high",
-        "loss at that p_e (0.96, for 2 h of the expert; 14 h: 0.99) / the paper's",
+        OTHER_P_EXPERT,
+        f"{EARLY}: loss at a p_e proportional to the data (0.96) / at the paper's",
         _paired(few[few.p_expert == most], usual, above=True),
     )
 
 
 def long_phases(phases: pd.DataFrame, results: Results) -> Iterator[pd.DataFrame]:
-    """Whether too long a phase harms the other phase's loss (section 4).
+    """Whether too long a phase harms the other phase's loss (section 4), recipe Q.
 
-    The paper's own 20 matching iterations, and the other phase's loss, are step E1's.
+    It has 5 matching iterations, and the paper 20, which are step E1's.
     """
     few = phases[(phases.novice_minutes == LITTLE) & (phases.method == "sidm")]
     usual = few.discriminator_iterations == 20
@@ -201,16 +229,15 @@ def long_phases(phases: pd.DataFrame, results: Results) -> Iterator[pd.DataFrame
     for long, reading in (
         (
             few[usual & (few.matching_iterations == 100)],
-            "loss with 100 matching iterations a phase / with 5",
+            f"{EARLY}: loss with 100 matching iterations a phase / with 5",
         ),
         (
             few[few.prediction_iterations == 500],
-            "the same phase's loss: with 500 prediction iterations / with 100",
+            f"{EARLY}: the same phase's loss, 500 prediction iterations / 100",
         ),
     ):
         rows = _paired(long, usual_phases, above=True)
-        said = "too long a phase leads to high losses for the other"
-        yield _readings(said, reading, rows.assign(verdict=claims.NOT_TESTED))
+        yield _readings(LONG_PHASE, reading, rows.assign(verdict=claims.NOT_TESTED))
 
 
 def readings(results: Results) -> pd.DataFrame:
@@ -239,6 +266,7 @@ def readings(results: Results) -> pd.DataFrame:
         *pretraining(frame(SMALL, "baselines"), frame(SMALL, "other-bodies")),
         *more_data(frame(SMALL, "3"), on_most_data),
         *alikeness(latents),
+        *balance(ablated.table(ablated.results(Study(BOOK), results))),
         high_p_expert(frame(SMALL, "p-expert"), small, results),
         *long_phases(frame(SMALL, "iterations"), results),
     ]

@@ -16,7 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.engine.store import Results
+from companion.figures.dots import CLOSEST, apart
 from companion.figures.style import legend_below, system_label
+from companion.statistics.claims import NO_VERDICT, NOT_SEEN, verdict
 from companion.statistics.intervals import holm, p_values
 from companion.statistics.pairs import pooled_comparison
 from companion.statistics.stopping_rules import RULES, apply_rule
@@ -34,6 +36,7 @@ from companion.studies.decisive.arms import (
 )
 from companion.studies.decisive.verdicts import END, RELEASED
 from companion.study import Study
+from ownrobot.comparison.statistics import Interval
 from ownrobot.plots import finish, side_by_side, styled
 
 LABELS = {
@@ -115,6 +118,16 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     return table.assign(differs=table.corrected < 0.05)
 
 
+def says_above(ratios: pd.DataFrame) -> list[str]:
+    """The verdict of each row of `table` on the claim that its ratio lies above 1."""
+    says = []
+    for row in ratios.itertuples():
+        estimate = Interval(row.ratio, row.low, row.high)
+        known = verdict(estimate, 1.0) if row.corrected < 0.05 else NOT_SEEN
+        says.append(NO_VERDICT if np.isnan(row.corrected) else known)
+    return says
+
+
 def phase_losses(study: Study, store: Results) -> pd.DataFrame:
     """Losses of both phases over the second half of a training, of step E1 again.
 
@@ -187,8 +200,7 @@ def figure(
             texts = [f"{LABELS[name]} {round(value, 2):g}" for name, value in places]
             axes.set_yticks([*places.values()], texts)
             axes.set_ylim(max(places.values()) + 0.7, -0.7)
-            low, high = axes.get_xlim()
-            ticks = [tick for tick in TICKS if low <= tick <= high]
+            ticks = apart(TICKS, axes.get_xlim(), CLOSEST * len(panels))
             axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     rows = max((len(axes.get_yticks()) for axes in panels), default=0)
     figure.set_figheight(max(3.0, 1.2 + 0.28 * rows))

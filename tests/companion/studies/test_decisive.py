@@ -386,10 +386,13 @@ def test_a_setting_is_held_against_r_seed_by_seed_at_one_cap(results):
         effect = 1.3 if row.value == 0.9 else 1
         assert row.ratio == pytest.approx(effect, rel=0.005)
         assert row.differs == (effect == 1.3) and row.low < row.ratio < row.high
+        said = DIRECTION if effect == 1.3 else NOT_SEEN
+        assert ablated.says_above(table.loc[[row.Index]]) == [said]
     assert len(ablated.figure(table[table.rule == END], table).axes) == 2
     # without all settings nothing differs
     few = ablated.table(results[(results.setting == "") | (results.value == 0.9)])
     assert few.corrected.isna().all() and not few.differs.any()
+    assert set(ablated.says_above(few)) == {NO_VERDICT}
     assert ablated.table(results[results.seed == 0]).low.isna().all()
 
 
