@@ -36,8 +36,6 @@ AS_RELEASED, AT_ITS_BEST, EARLY = RECIPE_LABELS.values()
 TRAINED = {"R": AS_RELEASED, "T": AT_ITS_BEST}  # by recipe
 LESS_EXPERT = f"p_e of {ablations.MOST_DATA_P_EXPERT:g}"
 NO_ADVERSARY = METHODS["no_regularisation"].label
-
-
 OTHER_P_EXPERT = "a high or a low p_e is worse than the paper's"
 LONG_PHASE = "too long a phase leads to high losses for the other"
 #: Setting of recipe R that step E1 changes, and its value -> a statement on it, which
@@ -50,7 +48,6 @@ BALANCE = {
         "prediction loss with 100 matching iterations a phase / with 20",
     ),
 }
-
 
 #: Columns of a table of readings: a statement of the paper, how it is read, what was
 #: measured, with its interval, and whether the verdict is corrected by Holm over the

@@ -65,12 +65,6 @@ def read_topics(
         types.register(get_types_from_msg(definition, name))
     try:
         with AnyReader([path], default_typestore=types) as reader:
-            known = {connection.topic for connection in reader.connections}
-            for name in topics:
-                if name not in known:
-                    raise RecordingError(
-                        unknown_name(name, sorted(known), kind="topic")
-                    )
             present = {
                 c.msgtype for c in reader.connections if c.topic in topics or not topics
             }
@@ -105,6 +99,10 @@ def _messages(
     connections = [c for c in usable if c.msgtype in kinds]
     names = sorted({connection.topic for connection in connections})
     if not names:
+        known = sorted({connection.topic for connection in reader.connections})
+        for name in topics:  # names of another robot's bag may be among them
+            if name not in known:
+                raise RecordingError(unknown_name(name, known, kind="topic"))
         there = sorted({f"{c.topic} ({c.msgtype})" for c in usable})
         raise RecordingError(
             f"no topic with a {what} ({', '.join(kinds)}); "

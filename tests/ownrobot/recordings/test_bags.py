@@ -19,6 +19,7 @@ from ownrobot.recordings import (
     read_drives,
 )
 from ownrobot.recordings.messages import ACKERMANN
+from ownrobot.recordings.topics import read_topics
 from tests.ownrobot.cart import planar
 
 BODY = planar(
@@ -174,6 +175,15 @@ def test_a_bag_that_is_cut_off_is_named(make_bag, ros):
     with pytest.raises(RecordingError) as error:
         read_drives(path, BODY)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_names_of_both_robots_topics_stand_together(make_bag):
+    """Each bag has several topics of a kind, and not those of the other."""
+    novice = make_bag(2, ("/odom", "/other", "/cmd_vel"), name="novice")
+    expert = make_bag(2, ("/odom", "/wheels", "/motors"), name="expert")
+    named = ("/odom", "/cmd_vel", "/wheels")
+    commands = [{*read_topics(path, named)[0][0].command} for path in (novice, expert)]
+    assert "angular" in commands[0] and commands[1] == {"command_0", "command_1"}
 
 
 def test_of_several_topics_those_that_are_named_are_read(make_bag, tmp_path):
