@@ -206,6 +206,7 @@ class Figure3:
         yield from long_numbers(self.long_trained)
         units = self.store.frame(search.compare_units(self.long), curves=True)
         yield from unit_numbers(units)
+        yield "decay-loss", _text(verdicts.with_rivals_decay(self.long, self.store), 3)
         few = self.long_trained.query("system == 'system1' and novice_minutes == @AT")
         for method in ("sidm", FINETUNED):
             chosen = few[(few.recipe == "T") & (few.method == method)]

@@ -18,7 +18,15 @@ from companion.statistics.claims import NO_VERDICT, NOT_SEEN, verdict
 from companion.statistics.intervals import FEWEST_SEEDS, holm, mean_ratio, p_values
 from companion.statistics.savings import DataRatio, data_ratio
 from companion.statistics.stopping_rules import RULES, apply_rule
-from companion.studies.decisive.arms import ALL_SEEDS, FINETUNING, RECIPES, arm
+from companion.studies.decisive.arms import (
+    ALL_SEEDS,
+    FEW_SEEDS,
+    FINETUNING,
+    RECIPES,
+    arm,
+    restricted,
+    rivals_decay,
+)
 from companion.study import Study
 from ownrobot.comparison.statistics import Interval
 from sidm.systems import PAPER_SYSTEMS
@@ -99,10 +107,13 @@ def ratio_of_data(
     """The data ratio of a method, and from how many seeds.
 
     `frame` has the losses of one recipe on one system, the method has so many `minutes`
-    of novice data; verdicts are on AT alone.
+    of novice data; verdicts are on AT alone. The curve of training alone ends at 20
+    minutes where nothing longer is stored, as in step E3.
     """
-    losses, alone = paired(frame, method, minutes, ALONE_SIZES)
-    return len(losses), data_ratio(ALONE_SIZES, alone, losses, minutes)
+    stored = set(frame[frame.method == "novice_only"].novice_minutes)
+    sizes = ALONE_SIZES if stored & {*ALONE_SIZES[3:]} else ALONE_SIZES[:3]
+    losses, alone = paired(frame, method, minutes, sizes)
+    return len(losses), data_ratio(sizes, alone, losses, minutes)
 
 
 def sidm_saving(
@@ -167,6 +178,25 @@ def small_data(frame: pd.DataFrame) -> pd.DataFrame:
             about = "S", system, recipe, rule, "sidm", minutes, seeds
             rows.append((*about, *ratio, "", says))
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def with_rivals_decay(study: Study, store: Results) -> DataRatio:
+    """The SIDM's loss with the rival's decay, step E2, over that of its rival in B1.
+
+    Of the two draws the one with the lower mean smoothed test loss counts. Losses are
+    those at the end, paired by seed.
+    """
+    trained = losses_by(store.frame(rivals_decay(study), curves=True), END)
+    caps = restricted(RECIPES["T"], novice_only=(AT,))
+    rivals = arm(study, "T", "system1", caps, FEW_SEEDS)
+    alone = losses_by(store.frame(rivals, curves=True), END)
+    tested = trained.groupby("weight_decay").kept_test.mean().sort_values()
+    chosen = trained[trained.weight_decay.isin(tested.index[:1])]
+    both = chosen.merge(alone, on="seed", suffixes=("", "_rival"))
+    if len(both) < FEWEST_SEEDS:
+        return DataRatio(np.nan, np.nan, np.nan)
+    losses, others = (both[[name]].to_numpy() for name in ("loss", "loss_rival"))
+    return DataRatio(*mean_ratio(losses, others), "")
 
 
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:

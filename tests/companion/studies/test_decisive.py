@@ -396,6 +396,28 @@ def test_a_setting_is_held_against_r_seed_by_seed_at_one_cap(results):
     assert ablated.table(results[results.seed == 0]).low.isna().all()
 
 
+def test_the_draw_that_is_tested_lower_counts(study, store, put):
+    """Of the SIDM with the rival's decay, whatever the validation loss says."""
+    assert np.isnan(verdicts.with_rivals_decay(study, store).value)
+    low, high = {trial.training.weight_decay for trial in arms.rivals_decay(study)}
+    for trial in arms.rivals_decay(study):
+        put(trial, 0.27 if trial.training.weight_decay == low else 0.3)
+    for trial in arm(study, "T", "system1", RECIPES["T"], SEEDS):
+        if trial.method == "novice_only":
+            put(trial, 0.3 * (1 + 0.001 * trial.seed))
+    ratio = verdicts.with_rivals_decay(study, store)
+    assert ratio.value == pytest.approx(0.9, rel=0.002) and ratio.high < 0.91
+
+
+def test_system_2_is_read_along_the_sizes_of_its_step(make_results):
+    """Step E3 has no training alone with an hour or more."""
+    loss = power({("T", "sidm"): 3.0})
+    frame = make_results(loss, loss)
+    few = frame[frame.novice_minutes <= 20]
+    saved = verdicts.sidm_saving(few, "T", "system2", END, 5.0)
+    assert saved.value == pytest.approx(3, rel=0.1)
+
+
 def test_each_phase_has_its_loss(study, store, make_row):
     """The second half counts; a loss that doubles and halves has an unrest of log 2."""
     for trial in arms.both_phases(study):
