@@ -20,6 +20,7 @@ from companion.statistics.savings import NO_VALUE, DataRatio, ratio_texts, savin
 from companion.statistics.tables import loss_summary, wide
 from companion.studies import tuning
 from companion.studies.decisive import (
+    ablated,
     length_curves,
     search,
     stopping_charts,
@@ -180,7 +181,8 @@ class Figure3:
         figure4 = self.store.frame(self.study.figure4())
         found = claims.figure3_claims(compared, self.study.preset.ablation_minutes[0])
         read = readings.readings(self.store)
-        both = pd.concat([compared, figure4, self.long_trained])
+        balanced = ablated.results(self.long, self.store)
+        both = pd.concat([compared, figure4, self.long_trained, balanced])
         saved = all_savings.table(self.store)
         drawn = pd.concat([self.all_quick, self.long_trained])
         judged = verdicts.page_table(verdicts.verdicts(self.long_trained))

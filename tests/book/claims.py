@@ -27,7 +27,7 @@ from companion.studies import (
     tuning,
     variants,
 )
-from companion.studies.decisive import length_curves, verdicts
+from companion.studies.decisive import ablated, length_curves, verdicts
 from companion.studies.decisive.length_curves import along_training
 from companion.studies.driving import measure as driving
 from companion.studies.driving import results as driven
@@ -355,6 +355,27 @@ def balance(book: Book) -> bool:
         and not (unclear.high < 1).any()
         and few.high.isna().all()  # no interval
         and len(few) > 0
+    )
+
+
+@claim(
+    "notebooks/05-p-expert-and-phases.ipynb",
+    "no change of $p_e$ or of a phase makes a difference that we see on system 1",
+)
+def released_balance(book: Book) -> bool:
+    """All settings of step E1 have an interval with 1; no p_e has a lower mean.
+
+    Long matching raises the loss on the training data.
+    """
+    frame = ablated.results(book.study, book.store).query("system == 'system1'")
+    table = ablated.table(frame).query("rule == @verdicts.END")
+    learnt = ablated.training_ratios(frame)
+    harmed = learnt.query("setting == 'matching_iterations' and value == 100")
+    return bool(
+        len(table) == 8
+        and (table.low.lt(1) & table.high.gt(1)).all()
+        and table[table.setting == "p_expert"].ratio.gt(1).all()
+        and harmed.low.gt(1.5).item()
     )
 
 

@@ -128,6 +128,22 @@ def says_above(ratios: pd.DataFrame) -> list[str]:
     return says
 
 
+def training_ratios(frame: pd.DataFrame) -> pd.DataFrame:
+    """Prediction losses on the novice's training data over R's, of `results`.
+
+    The loss of a training is its mean over the second half, up to the cap. A row per
+    `system`, `setting` and `value` that shares a seed with R: `seeds`, `ratio`, and the
+    ends of its interval, `low` and `high`.
+    """
+    whole = frame[frame.test_spacing > 0]
+    tests = (whole.system.map(ABLATION_CAPS) // whole.test_spacing).astype(int)
+    seen = [x[:n] for x, n in zip(whole.every_training_loss, tests, strict=True)]
+    every = whole.assign(loss=[np.mean(loss[len(loss) // 2 :]) for loss in seen])
+    own = every.setting == ""
+    by = ["setting", "value"]
+    return pooled_comparison(every[~own], every[own], by, "loss")
+
+
 def phase_losses(study: Study, store: Results) -> pd.DataFrame:
     """Losses of both phases over the second half of a training, of step E1 again.
 
