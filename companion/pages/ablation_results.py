@@ -6,10 +6,12 @@ import functools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from companion.engine.store import Results
+from companion.pages.markdown import known_text
 from companion.pages.page import Page
 from companion.registry import grid
 from companion.studies import ablations
@@ -20,6 +22,13 @@ from ownrobot.comparison.statistics import Interval
 #: Ablated setting -> the figure whose grid has its trials; others have ITERATIONS.
 GRIDS = {"p_expert": "p-expert", "pixels": "pixels", "patience": "patience"}
 ITERATIONS = "iterations"
+#: Number of the text -> setting of recipe R that is changed, its value, pair of robots.
+RELEASED = {
+    "released-low": ("p_expert", 0.25, "system1"),
+    "released-large": ("p_expert", 0.9, "system1"),
+    "released-large-2": ("p_expert", 0.9, "system2"),
+    "released-matching": ("matching_iterations", 100, "system1"),
+}
 
 
 class Ablations:
@@ -127,6 +136,29 @@ class Ablations:
         if {trial.key for trial in self.trials(*names)} <= known:
             return [page.again(figure) for figure in figures]
         return [page.command(run_missing=True)]
+
+
+def released_numbers(
+    ratios: pd.DataFrame, learnt: pd.DataFrame, phases: pd.DataFrame
+) -> Iterator[tuple[str, str]]:
+    """Numbers of recipe R by name; 'not run' where trainings lack.
+
+    `ratios` are rows of `ablated.table` of one rule, `learnt` is
+    `ablated.training_ratios`, and `phases` is `ablated.phase_losses`.
+    """
+    for name, where in RELEASED.items():
+        yield name, ratio_text(_at(ratios, *where))
+    long_matching = "matching_iterations", 100, "system1"
+    yield "harmed", ratio_text(_at(learnt, *long_matching))
+    matching = phases[phases.system == "system1"].set_index("iterations").matching
+    for name, iterations in (("matched-own", 100), ("matched-long", 500)):
+        value = matching.get(f"{iterations} prediction, 20 matching", np.nan)
+        yield name, known_text("{:.2f}", value)
+
+
+def _at(table: pd.DataFrame, setting: str, value: float, system: str) -> pd.DataFrame:
+    rows = table[table.setting.eq(setting) & table.value.eq(value)]
+    return rows[rows.system == system]
 
 
 def ratio_text(rows: pd.DataFrame) -> str:
