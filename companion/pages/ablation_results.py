@@ -26,6 +26,7 @@ ITERATIONS = "iterations"
 RELEASED = {
     "released-low": ("p_expert", 0.25, "system1"),
     "released-large": ("p_expert", 0.9, "system1"),
+    "released-middle-2": ("p_expert", 0.75, "system2"),
     "released-large-2": ("p_expert", 0.9, "system2"),
     "released-matching": ("matching_iterations", 100, "system1"),
 }
@@ -148,8 +149,9 @@ def released_numbers(
     """
     for name, where in RELEASED.items():
         yield name, ratio_text(_at(ratios, *where))
-    long_matching = "matching_iterations", 100, "system1"
-    yield "harmed", ratio_text(_at(learnt, *long_matching))
+    for name, system in (("harmed", "system1"), ("harmed-2", "system2")):
+        rows = _at(learnt, "matching_iterations", 100, system)
+        yield name, ratio_text(rows)
     matching = phases[phases.system == "system1"].set_index("iterations").matching
     for name, iterations in (("matched-own", 100), ("matched-long", 500)):
         value = matching.get(f"{iterations} prediction, 20 matching", np.nan)
