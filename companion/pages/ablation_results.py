@@ -15,6 +15,7 @@ from companion.pages.markdown import known_text
 from companion.pages.page import Page
 from companion.registry import grid
 from companion.studies import ablations
+from companion.studies.decisive import ablated
 from companion.study import Study
 from companion.trials import Trial
 from ownrobot.comparison.statistics import Interval
@@ -159,8 +160,7 @@ def released_numbers(
 
 
 def _at(table: pd.DataFrame, setting: str, value: float, system: str) -> pd.DataFrame:
-    rows = table[table.setting.eq(setting) & table.value.eq(value)]
-    return rows[rows.system == system]
+    return ablated.changed_to(table, setting, value).query("system == @system")
 
 
 def ratio_text(rows: pd.DataFrame) -> str:

@@ -177,6 +177,13 @@ def tuned_saves_with_one(book: Book) -> bool:
     )
 
 
+@claim(FIGURE3_PAGE, "with 16 million samples, brings the SIDM no gain")
+def decay_brings_nothing(book: Book) -> bool:
+    """Step E2: with the rival's decay not below the rival, and no difference seen."""
+    ratio = verdicts.with_rivals_decay(book.study, book.store)
+    return ratio.low < 1 < ratio.value and ratio.high > 1
+
+
 @claim(FIGURE3_PAGE, "an SIDM pays only after millions of samples")
 def early_nothing(book: Book) -> bool:
     """At 1.5 million samples the interval includes 1."""

@@ -118,6 +118,11 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
     return table.assign(differs=table.corrected < 0.05)
 
 
+def changed_to(table: pd.DataFrame, setting: str, value: float) -> pd.DataFrame:
+    """The rows of `table`, or of `training_ratios`, of one changed setting of R."""
+    return table[table.setting.eq(setting) & table.value.eq(value)]
+
+
 def says_above(ratios: pd.DataFrame) -> list[str]:
     """The verdict of each row of `table` on the claim that its ratio lies above 1."""
     says = []
