@@ -301,8 +301,12 @@ def run_jobs(
     workers: int = 2,
     data: str | Path = "data",
     results: str | Path = "results",
+    **options: Any,
 ) -> None:
-    """Simulate the motion that missing jobs of a study need, and measure them."""
+    """Simulate the motion that missing jobs of a study need, and measure them.
+
+    `options` are further arguments of the study's `measure`.
+    """
     from companion.engine.datasets import collect_motion
     from companion.trials import Trial, motion_of
 
@@ -319,7 +323,7 @@ def run_jobs(
             motion = motion_of([trial] if trial else [])
         for dataset, which in motion.items():
             needed.setdefault(dataset, set()).update(which)
-    work = functools.partial(module.measure, data=Path(data).absolute())
+    work = functools.partial(module.measure, data=Path(data).absolute(), **options)
     with local_pool(workers) as pool:
         collect_motion(
             {dataset: sorted(which) for dataset, which in needed.items()},

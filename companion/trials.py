@@ -185,8 +185,8 @@ class Trial:
 
     @functools.cached_property
     def key(self) -> str:
-        """The key of the trial's stored result, see `key_of_values`."""
-        return key_of_values(self.to_json())
+        """The key of the trial's stored result."""
+        return key_of(self)
 
     def __str__(self) -> str:
         """The name in messages and progress bars."""
@@ -196,10 +196,6 @@ class Trial:
     def replace(self, **changes: Any) -> Trial:
         """A trial with some values changed, which is checked like any trial."""
         return replace(self, **changes)
-
-    def to_json(self) -> dict[str, Any]:
-        """All values as plain nested mappings, see `without_later`."""
-        return without_later(to_mapping(self))
 
 
 def motion_of(trials: Iterable[Trial]) -> dict[Dataset, list[int]]:
@@ -218,8 +214,9 @@ def motion_of(trials: Iterable[Trial]) -> dict[Dataset, list[int]]:
     return {dataset: sorted(indices) for dataset, indices in needed.items()}
 
 
-def key_of_values(values: Mapping[str, Any]) -> str:
-    """A key for plain nested values: 20 hexadecimal digits of their SHA-256 digest."""
+def key_of(about: Any) -> str:
+    """20 hexadecimal digits that change when any value of a `config` object does."""
+    values = without_later(to_mapping(about))
     text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 

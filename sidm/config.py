@@ -90,12 +90,6 @@ def conform(value: Any, kind: Any, name: str) -> Any:
         kinds = arguments[:1] * len(value) if any_length else arguments
         if len(kinds) == len(value):
             return origin(map(conform, value, kinds, [name] * len(value)))
-    elif origin is dict and isinstance(value, dict):
-        of_key, of_item = arguments
-        return {
-            conform(key, of_key, name): conform(item, of_item, name)
-            for key, item in value.items()
-        }
     elif kind in (float, int):
         numbers = (int, float) if kind is float else int
         if isinstance(value, numbers) and not isinstance(value, bool):

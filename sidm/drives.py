@@ -29,7 +29,7 @@ from sidm.systems import CONTROL_STEP as CONTROL_STEP  # also known from here
 from sidm.systems import Terrain
 
 POSITION, QUATERNION, TWIST = slice(0, 3), slice(3, 7), slice(7, 13)
-STATE_SIZE, ACTION_SIZE = 13, 2
+ACTION_SIZE = 2
 #: Control steps of a simulated trajectory, and of a window that networks learn from.
 STEPS = 64
 

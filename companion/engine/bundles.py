@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -134,21 +135,18 @@ def run_bundle(
     ):
         trial, samples, resumed = jobs[number]
         begun = time.perf_counter()
-        result: Outcome | Exception
-        if isinstance(ended, Trained):
-            try:
+        result: Any
+        try:
+            result = ended
+            if isinstance(ended, Trained):
                 ended.model.to(device)
                 result = outcome_of(trial, ended, library, samples)
-            except Exception as error:  # one trial's failure must not lose the others
-                yield trial, error
-                continue
-        else:
-            result = ended
+        except Exception as error:  # one trial's failure must not lose the others
+            result = error
         if isinstance(result, (Outcome, TrainingError)):
             seconds += time.perf_counter() - begun
-            yield trial, record(trial, result, seconds, resumed)
-        else:
-            yield trial, result
+            result = record(trial, result, seconds, resumed)
+        yield trial, result
 
 
 def _pretrain_missing(

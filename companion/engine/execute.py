@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from companion.engine.datasets import digests_of
@@ -12,23 +11,22 @@ from companion.engine.outcomes import outcome_of
 from companion.engine.pretrained import start_of
 from companion.engine.provenance import THREADS, Provenance, record_provenance, source
 from companion.engine.rows import Failure, Outcome, Row
+from companion.extensions.residual import Corrected, correction_units, residual_datasets
 from companion.extensions.trainer import mirror_image
 from companion.numerics import version_label, versions
 from companion.trials import Trial
 from ownrobot.methods.fine_tuning import Pretrained, frozen_model
 from ownrobot.methods.least_squares import fit
-from ownrobot.methods.residual import Corrected, correction_units, residual_datasets
 from sidm.config import replace
 from sidm.learning import checkpoint as checkpoints
 from sidm.learning.arithmetic import one_thread
 from sidm.learning.dataset import Datasets
 from sidm.learning.model import DynamicsModel, Predictor
-from sidm.learning.stopping import CurvePoint, TrainingError
+from sidm.learning.stopping import TrainingError
+from sidm.learning.trainer import Progress
 from sidm.learning.training import Trained, train
 from sidm.learning.units import Standardisation, default_units, loss_weights, role_units
 from sidm.systems import find_system
-
-Progress = Callable[[CurvePoint], None]  # called after each test
 
 
 def perform(
@@ -172,7 +170,7 @@ def model_of(trial: Trial, data: str | Path = "data") -> DynamicsModel:
     folder = Path(data) / "models" / f"{trial.key}-{version_label('training')}"
     state = checkpoints.read(folder)
     if state is None:
-        tensors = checkpoints.module_tensors(perform(trial, data)[1].model)
+        tensors = perform(trial, data)[1].model.state_dict()
         novice = {name: t for name, t in tensors.items() if ".expert." not in name}
         checkpoints.write(folder, novice, {})
         state = checkpoints.read(folder)

@@ -71,9 +71,7 @@ def table_of(
     """
     known, lines, keys = known_motion.read(results), [], []
     for key, row in rows:
-        parts = {name: row["trial"][name] for name in ("network", "training")}
-        trial = {n: value for n, value in row["trial"].items() if n not in parts}
-        values = _flat(trial | parts["network"] | parts["training"])
+        values = settings_of(row["trial"])
         lines.append(values | _tuples(row["outcome"]) | _made(row, known))
         keys.append(key)
     kinds = {name: kind for name, kind, _ in columns(curves)}
@@ -84,6 +82,13 @@ def table_of(
     numbers = ("int", "float", "bool")
     typed = table.astype({name: k for name, k in kinds.items() if k in numbers})
     return typed.copy()  # pandas warns of a table in many pieces
+
+
+def settings_of(trial: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of a trial by name, as in `table_of`; a body is its name."""
+    parts = {name: trial[name] for name in ("network", "training")}
+    others = {name: value for name, value in trial.items() if name not in parts}
+    return _flat(others | parts["network"] | parts["training"])
 
 
 def columns(curves: bool = True) -> list[tuple[str, str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -99,17 +100,16 @@ class Library:
 
     def __init__(self, data: str | Path = "data"):
         self.data = Path(data)
-        self._rollouts: dict[Dataset, list[Drive]] = {}
+        self._drives = functools.cache(functools.partial(load, self.data))
+        self._windows = functools.cache(
+            functools.partial(dataset_windows, data=self.data)
+        )
         self._heights: dict[Dataset, Tensor] = {}
-        self._windows: dict[tuple, Windows] = {}
 
     def rollouts(self, trial: Trial) -> list[Drive]:
         """The drives of the 25-step test, in the paper's body."""
         dataset = trial.datasets["rollout"]
-        if dataset not in self._rollouts:
-            drives = load(self.data, dataset.collection, dataset.count)
-            self._rollouts[dataset] = drives
-        return self._rollouts[dataset]
+        return self._drives(dataset.collection, dataset.count)
 
     def rollout_heights(self, trial: Trial) -> Tensor:
         """Heights (B, H, W), m, of the ground of the drives of the 25-step test."""
@@ -126,11 +126,8 @@ class Library:
         """Windows of a trial's dataset; errors as in `dataset_windows`."""
         dataset, pixels = trial.datasets[kind], trial.network.pixels
         body = trial.network.body(dataset.collection.role)
-        key = dataset, pixels, body, None if which is None else tuple(which)
-        if key not in self._windows:
-            loaded = dataset_windows(dataset, self.data, pixels, body, which)
-            self._windows[key] = loaded
-        return self._windows[key]
+        rows = None if which is None else tuple(which)
+        return self._windows(dataset, pixels=pixels, body=body, which=rows)
 
     def datasets(self, trial: Trial) -> Datasets:
         """The novice's train and test split, validation and the expert's windows.

@@ -28,7 +28,7 @@ from companion.engine.provenance import (
     record_provenance,
     source,
 )
-from companion.trials import key_of_values, without_later
+from companion.trials import key_of, without_later
 from sidm.config import (
     ConfigError,
     completed,
@@ -53,11 +53,6 @@ AT = "curves_at"  # field of a line: offset and length of its curves, bytes
 
 class StoreError(OSError):
     """A record cannot be read or stored; one line names the file and what to do."""
-
-
-def key_of(about: Any) -> str:
-    """20 hexadecimal digits that change when any value of a `config` object does."""
-    return key_of_values(without_later(to_mapping(about)))
 
 
 def rounded(value: Any) -> Any:

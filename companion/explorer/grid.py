@@ -7,9 +7,8 @@ four robots drive unchanged on the same grounds.
 
 from __future__ import annotations
 
-import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +23,7 @@ from ownrobot.replay.rides import (
     sampled_physics,
     weave,
 )
-from ownrobot.replay.viewer import pack, unpack
+from ownrobot.replay.viewer import pack
 from sidm.drives import POSITION, QUATERNION
 from sidm.pool import local_pool
 from sidm.progress import progress_bar
@@ -121,19 +120,6 @@ GONE = -32768  # stored for all samples after a robot has left the ground
 BORDER = Terrain(cell_height_scale=0.0).half_width - 0.5
 
 
-class Grid(NamedTuple):
-    """The stored rides."""
-
-    #: (5, 3, 2, 2, 2, 3, 4, T + 1, C) int16; axes of SET_UP, BRAKES, roughness, drive,
-    #: time and CHANNELS
-    rides: np.ndarray
-    #: (4, 2, 3, 4, T + 1, C) int16; the same with one axis of PAPER_ROBOTS for SET_UP
-    robots: np.ndarray
-    #: rides (3, 4, T + 1, C) of each robot, with held, then with free struts: first the
-    #: robots of SET_UP, then PAPER_ROBOTS
-    packed: tuple[bytes, ...]
-
-
 def whole_numbers(ride: Ride) -> np.ndarray:
     """A ride as it is stored, (T + 1, C) int16; GONE once it has left the ground."""
     quaternion = ride.states[:, QUATERNION]
@@ -164,13 +150,11 @@ def set_ups() -> Iterator[Robot]:
         yield BODY.replace(**dict(zip(names, values, strict=True)))
 
 
-def simulate(
-    setting: tuple[Robot, bool], drives: Sequence[int] = range(len(DRIVE[1].values) + 1)
-) -> np.ndarray:
+def simulate(setting: tuple[Robot, bool]) -> np.ndarray:
     """Simulate the drives of a robot, with held struts or not, on every ground.
 
-    Whole numbers (3, drives, T + 1, C) int16, one ground after the other. The last
-    drive of all weaves.
+    Whole numbers (3, 4, T + 1, C) int16, one ground after the other. The last drive
+    weaves.
     """
     from sidm.simulation import Simulator
 
@@ -182,7 +166,7 @@ def simulate(
     with Simulator(robot, ground(roughness[0]), sampled_physics(brakes)) as simulator:
         for scale in roughness:
             simulator.set_terrain(ground(scale))
-            paths = [drive(simulator, *actions[n], steps=STEPS) for n in drives]
+            paths = [drive(simulator, *action, steps=STEPS) for action in actions]
             rides.append([whole_numbers(path) for path in paths])
     return np.array(rides)
 
@@ -202,20 +186,15 @@ def make(study: Any, workers: int, data: Path, results: Path) -> dict[str, Any]:
     ends = np.cumsum([len(part) for part in packed])
     arrays = {"packed": np.concatenate(packed), "ends": ends}
     write_arrays(folder / "rides.npz", arrays)
-    read.cache_clear()
     return {}
 
 
-@functools.cache
-def read(folder: Path = FOLDER) -> Grid:
-    """Read the stored rides; FileNotFoundError says that there are none."""
+def read(folder: Path = FOLDER) -> list[bytes]:
+    """The stored rides of each robot, with held, then with free struts.
+
+    First come the robots of SET_UP, then PAPER_ROBOTS. Each part is packed from numbers
+    (3, 4, T + 1, C) int16, with axes of roughness, drive, time and CHANNELS.
+    FileNotFoundError says that there are none.
+    """
     arrays = read_arrays(folder / "rides.npz")
-    parts = np.split(arrays["packed"], arrays["ends"][:-1])
-    packed = tuple(part.tobytes() for part in parts)
-    roughness, throttles = (len(knob.values) for knob in DRIVE)
-    drives = roughness, throttles + 1, SAMPLES, len(CHANNELS)
-    unpacked = np.array([unpack(part, drives) for part in packed])
-    both = unpacked.reshape(-1, len(BRAKES), *drives)
-    set_ups, robots = both[: -len(PAPER_ROBOTS)], both[-len(PAPER_ROBOTS) :]
-    rides = set_ups.reshape(*(len(knob.values) for knob in SET_UP), *both.shape[1:])
-    return Grid(rides, robots, packed)
+    return [part.tobytes() for part in np.split(arrays["packed"], arrays["ends"][:-1])]

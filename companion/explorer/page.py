@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,6 @@ from companion.explorer.grid import (
     STEPS,
     STOPS,
     WEAVING,
-    Grid,
     Knob,
     ground,
     twin_name,
@@ -200,14 +199,14 @@ def contents() -> dict[str, Any]:
     }
 
 
-def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
+def pieces(rides: Sequence[bytes], scenes: Path) -> Iterator[tuple[str, Any]]:
     """Name and content, of JSON types, of the pieces that pages load when needed.
 
     They are scenes, the drives of one robot with held or free struts, and grounds.
     """
     for path in sorted(scenes.glob("scene-*.json")):
         yield path.stem, json.loads(path.read_text(encoding="utf-8"))
-    for number, packed in enumerate(grid.packed):
+    for number, packed in enumerate(rides):
         yield f"rides-{number}", text(packed)
     left, right, low, high = REPLAYED
     corners = np.array([[left, low], [right, high]])
@@ -216,7 +215,7 @@ def pieces(grid: Grid, scenes: Path) -> Iterator[tuple[str, Any]]:
         yield f"ground-{number}", ground_json(cropped(whole, corners, margin=0.0))
 
 
-def write(folder: Path, grid: Grid, scenes: Path = FOLDER) -> None:
+def write(folder: Path, rides: Sequence[bytes], scenes: Path = FOLDER) -> None:
     """Write the page's scripts: vega.js, data.js, the replay's, and the pieces."""
     folder.mkdir(parents=True, exist_ok=True)
 
@@ -230,6 +229,6 @@ def write(folder: Path, grid: Grid, scenes: Path = FOLDER) -> None:
     put("data.js", f"window.explorerData = {data};\n")
     for name in (*SCRIPTS, STYLE):
         put(name, static(name))
-    for name, piece in pieces(grid, scenes):
+    for name, piece in pieces(rides, scenes):
         content = json.dumps(piece, separators=(",", ":"))
         put(f"{name}.js", f'window.sidmPieces["{name}"]({content});\n')

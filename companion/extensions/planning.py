@@ -182,15 +182,10 @@ class ModelImagination:
         return self.model("novice", encode_inputs(states, actions), maps, memory)
 
 
-def relative_bearing(state: np.ndarray, goal: np.ndarray) -> float:
-    """Angle from the heading of a state (13,) to a goal (2,), rad, left positive."""
-    x, y = np.asarray(goal) - np.asarray(state)[POSITION][:2]
-    yaw = rotations.yaw(torch.as_tensor(state)[QUATERNION])
-    return float(rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw))
-
-
 def steer_to_goal(state: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """The action (2,) without a plan: constant throttle, steering to the goal."""
+    x, y = np.asarray(goal) - np.asarray(state)[POSITION][:2]
+    yaw = rotations.yaw(torch.as_tensor(state)[QUATERNION])
+    bearing = rotations.wrap(torch.atan2(torch.tensor(y), torch.tensor(x)) - yaw)
     # positive steering turns right
-    steering = np.clip(-1.5 * relative_bearing(state, goal), -1, 1)
-    return np.array([FASTEST, steering])
+    return np.array([FASTEST, np.clip(-1.5 * float(bearing), -1, 1)])

@@ -13,7 +13,6 @@ import torch
 from torch import Tensor
 
 from sidm.config import ConfigError
-from sidm.learning import checkpoint
 from sidm.learning.dataset import Datasets, Windows
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.model import DynamicsModel
@@ -96,29 +95,13 @@ class SeveralTrainer(Trainer):
 
 def expert_as_novice(model: DynamicsModel, role: str) -> Weights:
     """Weights of the SIDM, with an expert's encoder and decoder for the novice."""
-    weights = {}
-    for name, tensor in checkpoint.module_tensors(model).items():
-        part, _, rest = name.partition(".")
-        if part == "sidm":
-            weights[name] = tensor
-        elif rest.startswith(f"{role}."):
-            weights[f"{part}.novice.{rest.removeprefix(f'{role}.')}"] = tensor
-    return weights
+    return {
+        name.replace(f".{role}.", ".novice."): tensor
+        for name, tensor in model.state_dict().items()
+        if name.startswith("sidm.") or f".{role}." in name
+    }
 
 
 def nearest_expert(model: DynamicsModel, motion: Windows) -> str:
     """The expert whose encoder and decoder predict a novice's motion best."""
     return min(model.encoders, key=lambda role: mean_loss(model, motion, role))
-
-
-def fresh_novice(
-    model: DynamicsModel, network: Network, standardisation: Standardisation, seed: int
-) -> Weights:
-    """Weights of the SIDM, with a new encoder and a new decoder for the novice."""
-    fresh = DynamicsModel(network, standardisation, seed, ["novice"])
-    sidm = {
-        name: tensor
-        for name, tensor in checkpoint.module_tensors(model).items()
-        if name.startswith("sidm.")
-    }
-    return checkpoint.module_tensors(fresh) | sidm

@@ -11,7 +11,6 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
@@ -28,7 +27,7 @@ def film(
     paths: Sequence[np.ndarray],
     styles: Sequence[dict],
     heights: np.ndarray,
-    goal: np.ndarray | None = None,
+    goal: np.ndarray,
 ) -> bytes:
     """An animated GIF of paths (K + 1, 2), m, in real time.
 
@@ -37,17 +36,15 @@ def film(
     """
     longest = max(map(len, paths))
     paths = [path[np.arange(longest).clip(max=len(path) - 1)] for path in paths]
-    points = np.concatenate([*paths, *([] if goal is None else [goal[None]])])
+    points = np.concatenate([*paths, goal[None]])
     frames = []
     with plt.style.context(STYLE):
         figure, axes = plt.subplots(figsize=(4.8, 4.4), dpi=DPI, layout="constrained")
         draw_surroundings(axes, points, heights, MARGIN)
         lines = [axes.plot([], [], marker="", **style)[0] for style in styles]
         heads = [axes.plot([], [], "o", color=style["color"])[0] for style in styles]
-        marks: list[Artist] = []
-        if goal is not None:
-            mark: dict[str, Any] = {"color": "black", "markersize": 10}
-            marks = [*axes.plot(*goal, "x", label="the goal", **mark)]
+        mark: dict[str, Any] = {"color": "black", "markersize": 10}
+        marks = axes.plot(*goal, "x", label="the goal", **mark)
         legend_below(figure, [axes])
         # in the order of drawing: later ones cover earlier ones
         moving = [*lines, *heads, *marks, axes.set_title("0.0 s")]

@@ -6,27 +6,22 @@ A data ratio is how many times the novice data training alone needs for an SIDM'
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from companion.engine.store import Results
 from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
 from companion.methods import FOR_LITTLE
 from companion.statistics import savings
 from companion.statistics.stopping_rules import RULES
-from companion.studies import tuning
 from companion.studies.decisive import verdicts
 from companion.studies.decisive.length_curves import RECIPE_LABELS
-from companion.study import Study
-from sidm.systems import FREE_STRUTS, PAPER_SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 
 #: Chosen after the results: both losses of an SIDM are alike.
 MIXED = "SIDM as released (R), rival tuned (T), chosen afterwards"
-PRESET = "study"  # whose results the book shows
 WORDS = (
     "Labelled dots with 95 % intervals, one plot for each pair of robots: how many "
     "times less data an SIDM with five minutes needs, as the paper says, and here by "
@@ -43,31 +38,35 @@ SETTINGS = {
     ("R", "T", (verdicts.END,)): MIXED,
 }
 QUICK = RECIPE_LABELS["Q"]
+QUICK_SETTINGS = {
+    "sidm": QUICK,
+    "sidm" + FOR_LITTLE: f"{QUICK}, tuned for little data",
+}
 OWN = "patience"  # stopping rule
 COLUMNS = ["Settings", "Stopped by", "Pair"]
 COLUMNS += [f"{size:g} min" for size in SIZES]
 
 
-def table(store: Results) -> pd.DataFrame:
+def table(decisive: pd.DataFrame, quick: pd.DataFrame) -> pd.DataFrame:
     """A row for each settings, stopping rule and pair of robots; a column a size.
 
-    Rows of the decisive experiment are of what has been run.
+    `decisive` has rows of `verdicts.results`, `quick` those of `savings.savings`.
     """
-    study = Study(PRESET)
     rows: list[tuple] = []
-    for settings, ratios in _stopped_early(study, store):
-        ratios = ratios.assign(text=savings.ratio_texts(ratios))
-        for system, found in ratios.groupby("system", sort=False):
+    quick = quick.assign(text=savings.ratio_texts(quick))
+    for method, settings in QUICK_SETTINGS.items():
+        of_method = quick[quick.method == method]
+        for system, found in of_method.groupby("system", sort=False):
             by_size = found.set_index("novice_minutes").text
             texts = [by_size.get(size, "-") for size in SIZES]
             rows.append((settings, OWN, system_label(str(system)), *texts))
-    frame = verdicts.results(study, store)
     for (recipe, rival, rules), settings in SETTINGS.items():
         for rule, system in itertools.product(rules, PAPER_SYSTEMS):
-            texts = [
-                verdicts.sidm_saving(frame, recipe, system, rule, size, rival).text(2)
-                for size in SIZES
-            ]
+            where = recipe, system, rule
+            ratios = (
+                verdicts.sidm_saving(decisive, *where, size, rival) for size in SIZES
+            )
+            texts = [ratio.text(2) for ratio in ratios]
             if set(texts) != {savings.NO_VALUE}:
                 rows.append((settings, rule, system_label(system), *texts))
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -84,19 +83,6 @@ def by_recipe(shown: pd.DataFrame) -> dict[str, pd.DataFrame]:
         recipe: rows if rows.Settings.nunique() > 1 else rows.drop(columns="Settings")
         for recipe, rows in parts.items()
     }
-
-
-def _stopped_early(study: Study, store: Results) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Settings in words and their savings, of trainings that stop early."""
-    trials = [t for system in PAPER_SYSTEMS for t in study.figure3(system)]
-    figure3 = store.frame(trials)
-    yield QUICK, savings.savings(figure3)
-    little = tuning.little_data_results(study, store, PAPER_SYSTEMS)
-    both = pd.concat([little, tuning.best_novice_only(figure3, little)])
-    tuned = savings.savings(both, ["sidm" + FOR_LITTLE])
-    yield f"{QUICK}, tuned for little data", tuned
-    free = [t for s in PAPER_SYSTEMS for t in study.free_struts(s + FREE_STRUTS)]
-    yield QUICK, savings.savings(store.frame(free))
 
 
 def figure(decisive: pd.DataFrame, quick: pd.DataFrame) -> Figure:

@@ -46,7 +46,6 @@ SAVINGS: dict[str, tuple] = {
     "one-saving-2": ("R", "system2", RELEASED, 1.0),
     "tuned-saving": ("T", "system1", END, AT),
     "tuned-released": ("T", "system1", RELEASED, AT),
-    "tuned-early": ("T", "system1", "patience", AT),
     "tuned-one": ("T", "system1", END, 1.0),
     "mixed-saving": ("R", "system1", END, AT, "T"),
 }
@@ -163,11 +162,7 @@ class Figure3:
         for number, system in enumerate(PAPER_SYSTEMS, 1):
             name = f"system{number}"
             yield f"{name}-sidm-5", self.saving("sidm", AT, system)
-            for minutes in (5, 60):
-                yield (
-                    f"{name}-finetuned-{minutes}",
-                    self.saving(FINETUNED, minutes, system),
-                )
+            yield f"{name}-finetuned-5", self.saving(FINETUNED, AT, system)
             yield f"{name}-little", self.saving("sidm" + FOR_LITTLE, 1, system)
             free = system + FREE_STRUTS
             yield f"{name}-free-squares", self.saving(CLOSED_FORM, 1, free)
@@ -183,7 +178,7 @@ class Figure3:
         read = readings.readings(self.store)
         balanced = ablated.results(self.long, self.store)
         both = pd.concat([compared, figure4, self.long_trained, balanced])
-        saved = all_savings.table(self.store)
+        saved = all_savings.table(self.long_trained, self.saved)
         drawn = pd.concat([self.all_quick, self.long_trained])
         judged = verdicts.page_table(verdicts.verdicts(self.long_trained))
 

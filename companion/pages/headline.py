@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 from companion.engine.store import Results
 from companion.methods import COMPARED, FIGURE3, FOR_LITTLE
@@ -38,31 +36,10 @@ README = tuple(
 )
 
 
-class Glued(NamedTuple):
-    """A number that a chapter's notebook computes from rows."""
-
-    number: str
-    chapter: str
-    name: str  # of the number in the notebook
-    command: str  # runs the trials of that part of the chapter again
-
-
-def glued_numbers(
-    names: Iterable[tuple[str, str]], notebooks: Path = NOTEBOOKS
-) -> Iterator[Glued]:
-    """Numbers of notebooks by their chapters and names.
-
-    ValueError says that a notebook has no such number.
-    """
-    for chapter, name in names:
-        number, command = glued(notebooks / f"{chapter}.ipynb", name)
-        yield Glued(number, chapter, name, command)
-
-
 def show() -> None:
     """Print each number of the README and the first page, and what makes it again."""
-    names = *README, *GLUED.findall(FIRST_PAGE.read_text())
-    for number, chapter, name, command in glued_numbers(names):
+    for chapter, name in (*README, *GLUED.findall(FIRST_PAGE.read_text())):
+        number, command = glued(NOTEBOOKS / f"{chapter}.ipynb", name)
         print(f"{number:>6}  {name}")
         print(f"        companion notebook {chapter}; its rows again: {command}")
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from ownrobot.recordings import read_drives
+from ownrobot.replay.rides import ROBOTS
 from sidm.body import Body
 from sidm.config import ConfigError, unknown_name
 from sidm.drives import Drive
-from sidm.systems import ROLES, SYSTEMS
 
 SEEDS = {"novice": 0, "expert": 2}  # of a simulated robot's motion
-
-#: Name of a robot of the paper, such as 'system1 expert' -> its system and role.
-SIMULATED = {f"{system} {role}": (system, role) for system in SYSTEMS for role in ROLES}
 
 
 def robot_drives(
@@ -27,12 +24,12 @@ def robot_drives(
     `source` is neither, RecordingError that a file has a fault, and ImportError that
     PyBullet is needed and not installed.
     """
-    if source in SIMULATED:
+    if source in ROBOTS:
         from sidm.simulation import simulate
 
-        system, role = SIMULATED[source]
+        system, role = source.split()
         return simulate(system, role, minutes, SEEDS[role], folder=data)
     if not Path(source).exists():
-        unknown = unknown_name(source, SIMULATED, kind="simulated robot")
+        unknown = unknown_name(source, ROBOTS, kind="simulated robot")
         raise ConfigError(f"'{source}' is no file, and {unknown}")
     return read_drives(source, body)

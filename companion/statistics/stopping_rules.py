@@ -86,14 +86,13 @@ def kept_weights(curve: Curve, rule: StoppingRule) -> KeptWeights:
     return KeptWeights(curve.samples[best], *losses, last, ended or ends(last))
 
 
-def kept_after(
-    curve: Curve, lengths: Sequence[int], smoothing: float = StoppingRule().smoothing
-) -> list[KeptWeights]:
-    """The weights that a training would have kept, had it ended after so many samples.
+def kept_after(curve: Curve, lengths: Sequence[int]) -> list[int]:
+    """The test whose weights a training keeps that ends after so many samples.
 
-    This is `kept_weights` with each of the `lengths` as the `max_samples` of a rule
-    without patience, in one pass.
+    This is what `kept_weights` finds with each of the `lengths` as the `max_samples` of
+    a rule without patience, in one pass.
     """
+    smoothing = StoppingRule().smoothing
     losses = list(
         accumulate(curve.test_loss, lambda past, now: smoothed(past, now, smoothing))
     )
@@ -103,16 +102,10 @@ def kept_after(
         best.append(test if lower else best[-1])
     # a training that ends between two tests is not tested again
     starts = [samples - curve.iteration for samples in curve.samples]
-    kept = []
-    for length in lengths:
-        tests = bisect.bisect_left(starts, length)
-        if tests == 0:
-            raise ValueError("a training without a test keeps nothing")
-        last, at = curve.samples[tests - 1], best[tests - 1]
-        ended = tests < len(starts) or last >= length
-        of_weights = losses[at], curve.validation_loss[at]
-        kept.append(KeptWeights(curve.samples[at], *of_weights, last, ended))
-    return kept
+    done = [bisect.bisect_left(starts, length) for length in lengths]
+    if 0 in done:
+        raise ValueError("a training without a test keeps nothing")
+    return [best[tests - 1] for tests in done]
 
 
 def stored_curve(row: pd.Series) -> Curve:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from companion.engine.frame import settings_of
 from companion.engine.store import Results
 from companion.study import Study
 from companion.trials import Trial
-from sidm.body import Body
+from sidm.config import to_mapping
 
 #: Name and unit of each of the 13 components of y.
 COMPONENTS = (
@@ -53,29 +53,12 @@ def differences(trial: Trial, base: Trial) -> dict[str, tuple[Any, Any]]:
 
     Those of networks and training are among them; of a body there is the name.
     """
-    settings, others = _settings(trial), _settings(base)
+    values, others = (settings_of(to_mapping(one)) for one in (trial, base))
     return {
-        name: (_named(value), _named(others[name]))
-        for name, value in settings.items()
+        name: (value, others[name])
+        for name, value in values.items()
         if name in others and value != others[name]
     }
-
-
-def _settings(trial: Trial) -> dict[str, Any]:
-    """All settings of a trial by name, those of its parts among them."""
-    values = _fields(trial)
-    values |= _fields(values.pop("network")) | _fields(values.pop("training"))
-    before = values.pop("pretraining")
-    earlier = _fields(before) if before else {}
-    return values | {f"pretraining_{name}": value for name, value in earlier.items()}
-
-
-def _fields(config: Any) -> dict[str, Any]:
-    return {field.name: getattr(config, field.name) for field in fields(config)}
-
-
-def _named(value: Any) -> Any:
-    return value.name if isinstance(value, Body) else value
 
 
 def overview(store: Results, trials: Iterable[Trial], study: Study) -> list[str]:

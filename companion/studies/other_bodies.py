@@ -7,8 +7,6 @@ the expert's weights cannot all be copied.
 
 from __future__ import annotations
 
-import dataclasses
-
 import pandas as pd
 
 from companion.bodies import NOVICES
@@ -24,8 +22,7 @@ def trials(study: Study, system: str) -> list[Trial]:
     """The methods that can learn from a pair of different bodies, for each novice."""
     preset, trials = study.preset, []
     for body in NOVICES.values():
-        network = dataclasses.replace(preset.network, novice_body=body)  # type: ignore[type-var]
-        novice = Study(dataclasses.replace(preset, network=network))  # type: ignore[type-var]
+        novice = study.changed(novice_body=body)
         sizes = preset.other_body_minutes
         trials += novice.points(system, ANY_BODIES, sizes, seeds=preset.seeds)
     return trials
@@ -44,11 +41,6 @@ def table(frame: pd.DataFrame) -> pd.DataFrame:
             compared = paired_comparison(sidm, frame[frame.method == other], on=point)
             parts.append(compared.assign(against=other))
     return pd.concat(parts, ignore_index=True)
-
-
-def by_novice(frame: pd.DataFrame) -> pd.DataFrame:
-    """Results whose `system` is the novice's body: one system for each novice."""
-    return frame.assign(system=frame.novice_body)
 
 
 def for_page(table: pd.DataFrame) -> pd.DataFrame:

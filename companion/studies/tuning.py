@@ -131,12 +131,7 @@ def tries_of(preset: Preset) -> dict[str, dict[str, Changes]]:
     return LITTLE_TRIES if separate else TRIES
 
 
-def preset_of_try(preset: Preset, method: str, name: str) -> Preset:
-    """The untuned preset with the changes of one try of a method."""
-    return _untuned(preset, tries_of(preset)[method][name])
-
-
-def _untuned(preset: Preset, changes: Changes) -> Preset:
+def untuned(preset: Preset, changes: Changes) -> Preset:
     """The preset without its tuned settings, but with some changes."""
     return preset.replace(**({"tuned": ()} | changes))
 
@@ -147,13 +142,11 @@ def tries(study: Study, system: str) -> list[tuple[str, Trial]]:
     return [
         (
             name,
-            Study(preset_of_try(base, method, name)).trial(
-                system, method, minutes, TUNING_SEED
-            ),
+            Study(untuned(base, changes)).trial(system, method, minutes, TUNING_SEED),
         )
         for minutes in base.tuning_minutes
-        for method, names in tries_of(base).items()
-        for name in names
+        for method, tried in tries_of(base).items()
+        for name, changes in tried.items()
     ]
 
 
@@ -170,7 +163,7 @@ def little_data(study: Study, system: str) -> list[Trial]:
     preset, trials = study.preset, []
     sizes = [size for size in preset.novice_minutes(system) if size <= LITTLE_MINUTES]
     for method, name in LITTLE.get(system, LITTLE["system1"]).items():
-        tuned = Study(_untuned(preset, LITTLE_TRIES[method][name]))
+        tuned = Study(untuned(preset, LITTLE_TRIES[method][name]))
         trials += tuned.points(system, [method], sizes, seeds=preset.seeds)
     return trials
 

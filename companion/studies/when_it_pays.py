@@ -27,7 +27,6 @@ from companion.figures.dots import dot_plot
 from companion.figures.style import system_label
 from companion.statistics.savings import savings
 from companion.studies.nearest_neighbours import NEIGHBOURS
-from companion.studies.other_bodies import by_novice
 from companion.studies.real_robots import results as robot_results
 from companion.studies.real_robots.measure import HELD_OUT, PAIRS, robot
 from companion.studies.several_experts import results as family_results
@@ -297,11 +296,12 @@ def saved(
     """
     member = family_of(figure3, family_results.table(relatives))
     real = robot_results.long(recorded)
+    by_novice = bodies.assign(system=bodies.novice_body)
     kinds = [
         savings_of(PAPER, figure3),
         savings_of(FREE, free),
         savings_of(FAMILY, member),
-        savings_of(BODIES, by_novice(bodies), pair="system1"),
+        savings_of(BODIES, by_novice, pair="system1"),
         savings_of(REAL, real, 8.0, value="loss", held_out=HELD_OUT),
     ]
     return pd.concat(kinds, ignore_index=True)

@@ -11,7 +11,8 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from types import SimpleNamespace
+from typing import Protocol
 
 import numpy as np
 
@@ -46,25 +47,6 @@ class EnteredMethod(Protocol):
         ...
 
 
-class LibraryModel:
-    """A model of `ownrobot.fit` in the form of the benchmark."""
-
-    def __init__(self, model: Any) -> None:
-        self.model = model
-
-    def predict(self, drive: Drive) -> np.ndarray:
-        """Transitions (K, Y) of a drive's steps."""
-        from ownrobot.fitting.windows import predict_steps
-
-        network, predictor = self.model.network, self.model.predictor
-        ((predicted, _),) = predict_steps(predictor, [drive], network.pixels)
-        return predicted.numpy()
-
-    def rollout(self, state: np.ndarray, actions: np.ndarray, ground: Any):
-        """States (K + 1, S), each predicted from the one before."""
-        return self.model.rollout(state, actions, ground=ground)
-
-
 class LibraryMethod:
     """A method of `ownrobot.fit`, with the settings of `ownrobot.fit`."""
 
@@ -73,7 +55,7 @@ class LibraryMethod:
 
     def fit(
         self, novice: Sequence[Drive], expert: Sequence[Drive], seed: int
-    ) -> LibraryModel:
+    ) -> FittedModel:
         """A model of the novice."""
         from ownrobot.fitting.learning import (
             SETTINGS,
@@ -81,32 +63,28 @@ class LibraryMethod:
             require_packages,
         )
         from ownrobot.fitting.single import fit_drives
-        from ownrobot.methods.registry import METHODS
+        from ownrobot.fitting.windows import predict_steps
 
         require_packages(self.name)
         try:
             refuse_method(self.name, novice[0].body, expert[0].body)
         except ConfigError as error:
             raise NotImplementedError(str(error)) from None
-        used = expert if METHODS[self.name].needs_expert else None
-        model = fit_drives(novice, used, self.name, SETTINGS, seed, notify=False)
-        return LibraryModel(model)
+        model = fit_drives(novice, expert, self.name, SETTINGS, seed, notify=False)
+
+        def predict(drive: Drive) -> np.ndarray:
+            pixels = model.network.pixels
+            ((predicted, _),) = predict_steps(model.predictor, [drive], pixels)
+            return predicted.numpy()
+
+        return SimpleNamespace(predict=predict, rollout=model.rollout)
 
 
-class Method(NamedTuple):
-    """A method as it is named on the command line.
+def find_method(name: str) -> tuple[str, str]:
+    """A method's `method` and `code` in an `Entry`, from its name on the command line.
 
-    Attributes:
-        name: of a library's method, or of a file and a class, joined by a colon
-        code: digest of the file, 12 hexadecimal digits; '' for those of `ownrobot`
+    The method is checked.
     """
-
-    name: str
-    code: str
-
-
-def find_method(name: str) -> Method:
-    """The method of a name, checked."""
     if ".py:" not in name:
         from ownrobot.methods.registry import METHODS
 
@@ -114,13 +92,13 @@ def find_method(name: str) -> Method:
             raise ConfigError(f"{name}: add the name of the class, as {name}:CLASS")
         if name not in METHODS:
             raise unknown_name(name, METHODS, kind="method")
-        return Method(name, "")
+        return name, ""
     path = Path(name.rpartition(":")[0])
     if not path.is_file():
         raise ConfigError(no_such_file(path))
     load_method(name)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
-    return Method(f"{path.name}:{name.rpartition(':')[2]}", digest)
+    return f"{path.name}:{name.rpartition(':')[2]}", digest
 
 
 def load_method(name: str) -> EnteredMethod:

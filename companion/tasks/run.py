@@ -24,7 +24,7 @@ def newest(
     """The stored results; of a method's file those of its newest version alone."""
     rows = sorted(records(results).all(), key=lambda row: row.provenance.date)
     versions = {row.about.method: row.about.code for row in rows}
-    versions |= {method.name: method.code for method in map(find_method, here)}
+    versions |= dict(map(find_method, here))
     return [row for row in rows if versions[row.about.method] == row.about.code]
 
 
@@ -34,10 +34,10 @@ def entries(
     """The trials of methods on tasks -> the method's name with its path."""
     found = {name: find_method(name) for name in methods}
     return {
-        Entry(method=method.name, code=method.code, task=task, seed=seed): name
+        Entry(method=method, code=code, task=task, seed=seed): name
         for task in tasks
         for seed in range(seeds)
-        for name, method in found.items()
+        for name, (method, code) in found.items()
     }
 
 
@@ -89,7 +89,7 @@ def check(
 
     It is the quickest one; a failed one only if all are.
     """
-    method = tuple(find_method(name))
+    method = find_method(name)
     stored = [r for r in results if (r.about.method, r.about.code) == method]
     if not stored:
         raise ConfigError(f"no trial of {name} as it is now is stored for these tasks")

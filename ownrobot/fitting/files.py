@@ -27,7 +27,6 @@ from ownrobot.methods.regression import Regression
 from sidm import __version__
 from sidm.body import Body
 from sidm.config import ConfigError, first_line, from_mapping, to_mapping
-from sidm.learning.checkpoint import module_tensors
 from sidm.learning.model import DynamicsModel, Predictor
 from sidm.learning.units import Standardisation
 from sidm.settings import Network
@@ -81,7 +80,7 @@ def write_model(model: Model, folder: str | Path, force: bool = False) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     tensors = {
         name: tensor
-        for name, tensor in module_tensors(model.predictor).items()
+        for name, tensor in model.predictor.state_dict().items()
         if ".expert." not in name
     }
     for module in model.predictor.modules():

@@ -72,7 +72,7 @@ def pretraining_datasets(datasets: Datasets, seed: int) -> Datasets:
 
 def pretrained_from(trained: Trained) -> Pretrained:
     """The pretrained weights from a training on `pretraining_datasets`."""
-    return Pretrained(checkpoint.module_tensors(trained.model), trained.samples)
+    return Pretrained(trained.model.state_dict(), trained.samples)
 
 
 def write(folder: Path, start: Pretrained) -> None:

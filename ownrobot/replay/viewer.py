@@ -131,16 +131,11 @@ def ground_json(ground: Ground) -> dict[str, Any]:
     }
 
 
-def _cropped_ground(scene: Scene) -> Ground:
-    """The ground around all tracks of a scene."""
-    points = [track.position[:, :2] for track in scene.tracks]
-    return cropped(scene.ground, np.concatenate(points))
-
-
 def scene_json(scene: Scene) -> dict[str, Any]:
     """JSON types of a scene, for `sidmReplay.scene` of static/replay.js."""
+    points = np.concatenate([track.position[:, :2] for track in scene.tracks])
     content = {
-        "ground": ground_json(_cropped_ground(scene)),
+        "ground": ground_json(cropped(scene.ground, points)),
         "tracks": [track_json(track) for track in scene.tracks],
         "distance": scene.distance,
     }

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from sidm.config import DataError, to_mapping
 from sidm.learning.stopping import CurvePoint, EarlyStopping
@@ -115,16 +115,11 @@ def digest(tensors: Iterable[Tensor]) -> str:
     return checksum(torch.cat([tensor.flatten() for tensor in tensors]).cpu().numpy())
 
 
-def module_tensors(module: nn.Module) -> dict[str, Tensor]:
-    """A module's weights and buffers by name, not copied."""
-    return dict(module.state_dict())
-
-
 def _state(trainer: Trainer) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Tensors by path, and plain JSON values, of all that changes during training."""
     groups: dict[str, Mapping[str, Tensor]] = {
-        "model": module_tensors(trainer.model),
-        "discriminator": module_tensors(trainer.discriminator),
+        "model": trainer.model.state_dict(),
+        "discriminator": trainer.discriminator.state_dict(),
         "best": trainer.best_weights,
     }
     groups |= trainer.sampler.state()

@@ -33,8 +33,8 @@ from sidm import rotations
 from sidm.body import ROVER, Body
 from sidm.drives import POSITION, QUATERNION
 
-#: sizes of x and y of the paper's body: 11 and 13
-INPUT_SIZE, TARGET_SIZE = len(ROVER.inputs), len(ROVER.targets)
+#: size of y of the paper's body: 13
+TARGET_SIZE = len(ROVER.targets)
 
 
 def encode_inputs(states: Tensor, actions: Tensor, body: Body = ROVER) -> Tensor:

@@ -131,7 +131,7 @@ class Trainer:
 
     def weights(self) -> dict[str, Tensor]:
         """A copy of the model's weights and buffers by name, in their shapes."""
-        tensors = checkpoint.module_tensors(self.model)
+        tensors = self.model.state_dict()
         return {name: tensor.clone() for name, tensor in tensors.items()}
 
     def step_prediction(self, loss: Tensor, latents: Mapping[str, Tensor]) -> None:

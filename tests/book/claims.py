@@ -27,7 +27,7 @@ from companion.studies import (
     tuning,
     variants,
 )
-from companion.studies.decisive import ablated, length_curves, verdicts
+from companion.studies.decisive import ablated, verdicts
 from companion.studies.decisive.length_curves import along_training
 from companion.studies.driving import measure as driving
 from companion.studies.driving import results as driven
@@ -218,9 +218,10 @@ def finetuning_far_ahead(book: Book) -> bool:
 )
 def never_ended(book: Book) -> bool:
     """The released rule ended no rival from 20 minutes on, all with less."""
-    ended = length_curves.ended_by_rule(book.decisive).query("method == 'novice_only'")
-    many = ended.novice_minutes >= 20
-    return ended[many].ended.sum() == 0 and ended[~many].ended.min() == 5
+    rows = book.decisive.query("recipe == 'R' and method == 'novice_only'")
+    kept = apply_rule(rows, RULES[RELEASED])
+    many = kept.novice_minutes >= 20
+    return bool(not kept.ended[many].any() and kept.ended[~many].all())
 
 
 @claim(

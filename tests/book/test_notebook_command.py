@@ -168,22 +168,6 @@ def test_text_is_read_as_the_type_asks(text: str, kind: Any, value: Any):
 
 
 @pytest.mark.parametrize(
-    ("text", "kind"),
-    [
-        ("1", bool),
-        ("2.5", int),
-        ("true", float),
-        ("[a]", list[int]),
-        ("abc", Optional[int]),
-        ("[", int),
-    ],
-)
-def test_text_of_another_type_is_an_error(text: str, kind: Any):
-    with pytest.raises(ConfigError, match="'x'"):
-        parameters.read_value(text, kind, "x")
-
-
-@pytest.mark.parametrize(
     ("words", "inside", "outside"),
     [
         ("held, from -1 to 1", [-1, 0.5, 1], [-1.1, 5]),
@@ -237,6 +221,8 @@ def test_what_is_given_by_hand_wins_over_files_and_the_later_file_over_the_earli
         (["first", "-p", "minuts", "1"], "in 01-first.ipynb; did you mean 'minutes'"),
         (["first", "-p", "spring", "1"], "unknown parameter 'spring'"),
         (["first", "-p", "minutes", "long"], "'minutes' must be float"),
+        (["first", "-p", "seeds", "[a]"], "'seeds' must be"),
+        (["first", "-p", "minutes", "["], "'minutes' cannot be read as YAML"),
         (["first", "-p", "minutes", "0"], "'minutes' must be above 0, not 0.0"),
         (["first", "-p", "preset", "laptob"], "'laptob'"),
         (["first", "-p", "seeds", "[]"], "'seeds' must have at least one value"),

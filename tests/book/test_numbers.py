@@ -1,6 +1,7 @@
 """The numbers that README and pages quote: computed from results, or 'not run'."""
 
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -10,10 +11,13 @@ from companion import Results, Study, grid
 from companion.__main__ import build_parser
 from companion.pages import all_savings, figure3_results, headline, readings
 from companion.pages.ablation_results import Ablations
+from companion.pages.figure3_results import Figure3
+from companion.pages.page import glued
 from companion.statistics import claims
 from companion.studies import ablations
 from companion.studies.decisive import search, verdicts
 from ownrobot.comparison.statistics import Interval
+from sidm.systems import PAPER_SYSTEMS
 
 #: number of the page on Figure 3 -> its verdict and its pair of robots
 PUBLISHED = {
@@ -61,13 +65,14 @@ def test_what_lacks_results_is_not_run(tmp_path, make_row, count):
     units = figure3_results.unit_numbers(store.frame(search.compare_units(study)))
     assert {text for _, text in units} == {"not run"}
     assert not len(readings.page_table(readings.readings(store)))
-    table = all_savings.table(store)
+    table = all_savings.table(frame, Figure3(study, store, PAPER_SYSTEMS).saved)
     assert not len(table) and list(table.columns) == all_savings.COLUMNS
     assert list(map(len, all_savings.by_recipe(table).values())) == [0, 0, 0]
 
 
 def test_the_table_of_all_savings_has_the_verdicts_and_the_claims(store, decisive):
-    table = all_savings.table(store)
+    saved = Figure3(Study("study"), store, PAPER_SYSTEMS).saved
+    table = all_savings.table(decisive, saved)
     assert not table.duplicated(["Settings", "Stopped by", "Pair"]).any()
     assert table.notna().all(axis=None)
     parts = pd.concat(all_savings.by_recipe(table), names=["recipe"])
@@ -127,11 +132,16 @@ def test_the_books_readings_are_those_of_its_parts(store, decisive):
     assert len(readings.page_table(rows)) == len(rows) > 9
 
 
+def named(names) -> list[tuple[Path, str]]:
+    """The notebook of each number's chapter, and the number's name."""
+    return [(headline.NOTEBOOKS / f"{page}.ipynb", name) for page, name in names]
+
+
 def test_the_readme_says_what_is_stored(monkeypatch):
     """The numbers in bold are those of chapters, each with its interval."""
     monkeypatch.chdir(ROOT)
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    texts = [number.number for number in headline.glued_numbers(headline.README)]
+    texts = [glued(page, name)[0] for page, name in named(headline.README)]
     numbers = re.findall(r"[\d.]+", " ".join(texts))
     bold = re.findall(r"\*\*([\d.]+)\*\*", text)
     assert bold == numbers and len(bold) == 15, "write its sentences anew"
@@ -143,9 +153,10 @@ def test_every_number_of_readme_and_first_page_has_its_command(monkeypatch):
     text = headline.FIRST_PAGE.read_text(encoding="utf-8")
     names = headline.GLUED.findall(text)
     assert len(names) == text.count("{glue:text}") > 0
-    for number in headline.glued_numbers([*headline.README, *names]):
-        assert re.match(r"(at least )?-?\d", number.number), number
-        build_parser().parse_args(number.command.split()[1:])
+    for page, name in named([*headline.README, *names]):
+        number, command = glued(page, name)
+        assert re.match(r"(at least )?-?\d", number), name
+        build_parser().parse_args(command.split()[1:])
 
 
 class FakePage:
@@ -158,11 +169,6 @@ class FakePage:
         return f"page {others}"
 
 
-@pytest.fixture
-def study():
-    return Study("laptop")
-
-
 @pytest.mark.parametrize(
     ("name", "values", "usual"),
     [
@@ -172,33 +178,33 @@ def study():
         ("patience", [7], 150_000),
     ],
 )
-def test_figure_3s_value_is_among_its_trials(study, store, name, values, usual):
-    assert ablations.usual(study.preset, "system2", name) == usual
-    trials = Ablations(study, store, ["system2"], {name: values}).trials()
+def test_figure_3s_value_is_among_its_trials(laptop, store, name, values, usual):
+    assert ablations.usual(laptop.preset, "system2", name) == usual
+    trials = Ablations(laptop, store, ["system2"], {name: values}).trials()
     tried = {
         getattr(trial.network if name == "pixels" else trial.training, name)
         for trial in trials
     }
-    share = ablations.proportional(study.preset, 5.0)
+    share = ablations.proportional(laptop.preset, 5.0)
     assert tried == {usual, *(share if value is None else value for value in values)}
-    again = Ablations(study, store, ["system2"], {name: [*values, usual]}).trials()
+    again = Ablations(laptop, store, ["system2"], {name: [*values, usual]}).trials()
     assert {trial.key for trial in again} == {trial.key for trial in trials}
 
 
-def test_values_of_the_grids_are_run_by_their_figures(study, store):
+def test_values_of_the_grids_are_run_by_their_figures(laptop, store):
     names = ("p_expert", *ablations.ITERATIONS)
     values = {name: ablations.VALUES[name] for name in names}
     systems = ["system1", "system2"]
-    all_of_grids = Ablations(study, store, systems, values)
+    all_of_grids = Ablations(laptop, store, systems, values)
     assert all_of_grids.commands(FakePage()) == ["run p-expert", "run iterations"]
-    own = Ablations(study, store, systems, values | {"p_expert": [0.6]})
+    own = Ablations(laptop, store, systems, values | {"p_expert": [0.6]})
     assert own.commands(FakePage(), "matching_iterations") == ["run iterations"]
     assert own.commands(FakePage()) == ["page {'run_missing': True}"]
 
 
-def test_without_results_ablations_have_titles_and_no_numbers(study, tmp_path):
+def test_without_results_ablations_have_titles_and_no_numbers(laptop, tmp_path):
     values = {"p_expert": [0.9], "pixels": [8]}
-    shown = Ablations(study, Results(tmp_path), ["system1"], values, [5.0, 1])
+    shown = Ablations(laptop, Results(tmp_path), ["system1"], values, [5.0, 1])
     assert shown.ratio("p_expert", "system1", 0.9) == "not run"
     titles = [title for title, table in shown.page_tables() if table.empty]
     assert titles == [
@@ -209,9 +215,9 @@ def test_without_results_ablations_have_titles_and_no_numbers(study, tmp_path):
     assert len(shown.figure("p_expert", "pixels").axes) == 2
 
 
-def test_ratios_are_to_figure_3s_value_seed_by_seed(study, make_row, tmp_path):
+def test_ratios_are_to_figure_3s_value_seed_by_seed(laptop, make_row, tmp_path):
     store = Results(tmp_path)
-    shown = Ablations(study, store, ["system1"], {"matching_iterations": [0, 20]})
+    shown = Ablations(laptop, store, ["system1"], {"matching_iterations": [0, 20]})
     losses = {0: 0.3, 20: 0.1, 5: 0.2}
     for trial in shown.trials():
         regularised = trial.training.regularise

@@ -6,7 +6,7 @@ The robots move, and they move as stored.
 import numpy as np
 import pytest
 from browser import chromium
-from pages import DESK, ROOT, watched
+from pages import DESK, watched
 from playwright.sync_api import sync_playwright
 from test_browser import PHONE
 
@@ -14,6 +14,7 @@ from companion.explorer import grid
 from ownrobot.replay import ROBOTS, replay, ride
 from ownrobot.replay.rides import SAMPLE_TIME
 from sidm.systems import Terrain
+from tests.companion.explorer.test_explorer import stored_rides
 
 pytestmark = pytest.mark.more
 
@@ -104,12 +105,12 @@ def test_frames_differ_while_it_plays_and_not_while_it_is_paused(visit):
 
 def test_the_robots_stand_where_the_stored_rides_say(visit):
     """At three times, both robots are at their stored places: twins, and a pair."""
-    page, stored = visit(), grid.read(ROOT / grid.FOLDER)
+    page, (set_ups, robots) = visit(), stored_rides()
     pause(page)
     spring, *others = [knob.values.index(knob.start) for knob in grid.KNOBS]
     rest, drive = others[: len(grid.SET_UP) - 1], others[len(grid.SET_UP) - 1 :]
-    twins = [stored.rides[(at, *rest, 0, *drive)] for at in (spring, spring - 1)]
-    pair = [stored.robots[(number, 0, *drive)] for number in (0, 1)]
+    twins = [set_ups[(at, *rest, 0, *drive)] for at in (spring, spring - 1)]
+    pair = [robots[(number, 0, *drive)] for number in (0, 1)]
     for rides, press in ((twins, None), (pair, "system 1's pair")):
         if press:
             change(page, page.get_by_role("button", name=press).click)

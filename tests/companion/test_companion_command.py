@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from companion import Results, Study, load_preset
 from companion.__main__ import main
 from companion.registry import NAMES
 from ownrobot.__main__ import main as ownrobot_main
@@ -19,17 +18,6 @@ from sidm.systems import SYSTEMS
 
 ROOT = Path(__file__).parents[2]
 
-CHANGES = {
-    "expert_minutes": 0.25,
-    "novice_minutes_system1": [0.25],
-    "pool_minutes_system1": 0.25,
-    "validation_minutes": 0.25,
-    "rollouts": 2,
-    "pixels": 8,
-    "hidden": 8,
-    "max_samples": 2000,
-    "figure4_minutes": [0.25],
-}
 HEAVY = "{'torch', 'pybullet', 'scipy'}"
 
 
@@ -124,28 +112,6 @@ def test_arguments_that_cannot_be_used(words, message, capsys, tmp_path):
 def test_show_counts_what_is_missing(words, count, tmp_path, capsys):
     assert main(["show", *words.split(), "--results", str(tmp_path)]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == f"missing: {count}"
-
-
-@pytest.mark.more
-def test_collect_run_show(tmp_path, capsys):
-    """Collect, run one trial and then the rest, with the real simulator."""
-    pytest.importorskip("pybullet")
-    data, results = tmp_path / "data", tmp_path / "results"
-
-    def said(command, *words):
-        common = ["--preset", "smoke", "--data", str(data), "--results", str(results)]
-        for name, value in CHANGES.items():
-            common += ["--set", f"{name}={value}"]
-        assert main([command, *common, "--system", "system1", *words]) == 0
-        return capsys.readouterr().out
-
-    assert len(said("collect", "--workers", "2").splitlines()) == 4
-    assert "1 of 1 trials stored" in said("run", "--methods", "novice_only")
-    assert said("show").splitlines()[-1] == "missing: 2"
-    assert "3 of 3 trials stored" in said("run", "--workers", "1")
-    trials = Study(load_preset("smoke", **CHANGES)).figure3("system1")
-    stale = [row.provenance.stale for row in Results(results).stored(trials)]
-    assert stale == [False] * 3
 
 
 @pytest.mark.more

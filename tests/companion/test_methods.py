@@ -4,9 +4,9 @@ import pytest
 
 from companion import METHODS, perform, run_trial
 from companion.engine.execute import stored_as
+from companion.extensions.residual import Corrected
 from companion.numerics import RESULT_VERSIONS, versions
 from ownrobot.methods.least_squares import LeastSquares
-from ownrobot.methods.residual import Corrected
 
 
 @pytest.fixture

@@ -30,8 +30,6 @@ def small_folder(tmp_path, monkeypatch):
     [
         ("", "name a command, demo, check"),
         ("fti", "unknown command 'fti'; did you mean 'fit'?"),
-        (f"{FIT} --method tres", "unknown method 'tres'; did you mean 'trees'?"),
-        (f"{FIT} --set hiden=3", "unknown setting 'hiden'; did you mean 'hidden'?"),
         (f"{FIT} --set hidden", "--set takes NAME=VALUE"),
         (f"{FIT} --device qpu", "device 'qpu' cannot be used"),
         (f"fit --novice {WARTHOG} --body {SKID} --out file", "file is a file"),

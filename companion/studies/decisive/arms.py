@@ -97,16 +97,12 @@ def arm(
     system: str,
     caps: Caps,
     seeds: Iterable[int],
-    policy: str | None = None,
 ) -> list[Trial]:
     """Trials of a recipe on a system, the most decisive sizes first.
 
-    `caps` have the methods and sizes; `policy` is the exploration policy of all motion,
-    by default the preset's.
+    `caps` have the methods and sizes.
     """
     trials, fresh = [], on_fresh_motion(study)
-    if policy is not None:
-        fresh = fresh.changed(policy=policy)
     for sizes in ORDER:
         for seed, minutes, method in itertools.product(seeds, sizes, caps):
             changes = settings(recipe, system, method)

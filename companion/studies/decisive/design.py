@@ -48,7 +48,8 @@ def other_motion(study: Study) -> list[Trial]:
         caps = at_five(RECIPES[recipe])
         trials += arm(study, recipe, system + FREE_STRUTS, caps, FEW_SEEDS)
     caps = at_five(R_CAPS)
-    return trials + arm(study, "R", "system1", caps, FEW_SEEDS, policy="bounded_noise")
+    noisy = study.changed(policy="bounded_noise")
+    return trials + arm(noisy, "R", "system1", caps, FEW_SEEDS)
 
 
 def more_seeds(study: Study) -> list[Trial]:

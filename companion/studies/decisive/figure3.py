@@ -21,15 +21,14 @@ from companion.figures.style import (
     system_label,
 )
 from companion.methods import COMPARED
+from companion.presets import PRESETS
 from companion.studies.decisive.arms import FINETUNING
 from companion.studies.decisive.verdicts import AT, PAPER, RELEASED, losses_by
 from ownrobot.plots import finish, side_by_side, styled
+from sidm.systems import PAPER_SYSTEMS
 
 #: min of novice data in the paper's Figure 3
-SIZES = {
-    "system1": (1.0, 2.0, 5.0, 20.0, 60.0, 120.0, 300.0, 600.0),
-    "system2": (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0),
-}
+SIZES = {name: PRESETS["paper"].novice_minutes(name) for name in PAPER_SYSTEMS}
 MEET = {"system1": 120.0, "system2": 300.0}  # min from which curves are "comparable"
 #: methods that stand beside the paper's two, as thin lines
 BESIDE = ("least_squares", FINETUNING)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.figures.style import legend_below, system_label
-from companion.statistics.savings import DataRatio, data_ratio
+from companion.statistics.savings import NO_VALUE, DataRatio, data_ratio
 from companion.statistics.stopping_rules import (
     RULES,
     apply_rule,
@@ -97,7 +97,10 @@ def along_training(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def texts_by_rule(table: pd.DataFrame) -> pd.DataFrame:
-    """Data ratios of `along_training` as texts: a row a rule, a column an arm."""
+    """Data ratios of `along_training` as texts: a row a rule, a column an arm.
+
+    An arm without any ratio is left out.
+    """
     shown = table[table.rule.ne("") & table.quantity.eq("data")]
     arms = {
         f"{system_label(system)}, {recipe}": {
@@ -106,7 +109,10 @@ def texts_by_rule(table: pd.DataFrame) -> pd.DataFrame:
         }
         for (system, recipe), rows in shown.groupby(["system", "recipe"])
     }
-    return pd.DataFrame(arms).rename_axis("stopped by").reset_index()
+    some = {
+        name: texts for name, texts in arms.items() if {*texts.values()} != {NO_VALUE}
+    }
+    return pd.DataFrame(some).rename_axis("stopped by").reset_index()
 
 
 def losses_after(
@@ -119,18 +125,15 @@ def losses_after(
     """
     whole = frame[frame.test_spacing > 0]
     points = whole[["method", "novice_minutes", "seed"]]
-    kept = [kept_after(stored_curve(row), lengths) for _, row in whole.iterrows()]
+    curves = [stored_curve(row) for _, row in whole.iterrows()]
+    kept = [  # a list of losses per training
+        [curve.validation_loss[test] for test in kept_after(curve, lengths)]
+        for curve in curves
+    ]
     return {
-        samples: points.assign(loss=[along[at].validation_loss for along in kept])
+        samples: points.assign(loss=[losses[at] for losses in kept])
         for at, samples in enumerate(lengths)
     }
-
-
-def ended_by_rule(frame: pd.DataFrame) -> pd.DataFrame:
-    """How many of R's `trainings` the released rule `ended`, not our cap, by size."""
-    kept = apply_rule(frame[frame.recipe == "R"], RULES[RELEASED])
-    groups = kept.groupby(["system", "method", "novice_minutes"]).ended
-    return groups.agg(ended="sum", trainings="size").reset_index()
 
 
 def ratio_at_best(

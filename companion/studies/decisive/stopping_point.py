@@ -66,8 +66,8 @@ def training_contents(row: pd.Series, lengths: Sequence[int]) -> dict[str, Any]:
         "spacing": int(row.test_spacing),
         "tests": len(curve.samples),
         "curve": packed([curve.validation_loss[test] for test in shown]),
-        "kept": packed([weights.validation_loss for weights in kept]),
-        "at": [round(weights.samples / row.test_spacing) for weights in kept],
+        "kept": packed([curve.validation_loss[test] for test in kept]),
+        "at": [test + 1 for test in kept],
     }
 
 

@@ -28,7 +28,6 @@ from companion.engine.records import ProvenanceTimer, by_field, records_of
 from companion.extensions.several import (
     SeveralTrainer,
     expert_as_novice,
-    fresh_novice,
     nearest_expert,
 )
 from companion.methods import FINER_TESTS, METHODS
@@ -234,7 +233,7 @@ def measure(about: Pretraining, data: str | Path = "data") -> PretrainingResult:
         model = DynamicsModel(trial.network, units, trial.seed, tuple(experts))
         model.load_state_dict(weights)
         model.eval()
-        fresh = fresh_novice(model, trial.network, units, trial.seed)
+        fresh = {n: w for n, w in weights.items() if n.startswith("sidm.")}
         novices: list[list[dict[str, Any]]] = []  # (M, W)
         chosen, before = [], []
         for minutes in about.sizes:
@@ -293,7 +292,7 @@ def _train_experts(
         settings = trial.network, trial.pretraining, trial.seed, units
         trained = learn(SeveralTrainer(experts, *settings))
         history = {"samples": trained.samples, **_test_curve(trained)}
-        checkpoint.write(folder, checkpoint.module_tensors(trained.model), history)
+        checkpoint.write(folder, trained.model.state_dict(), history)
         kept = checkpoint.read(folder)
         assert kept is not None
     return kept

@@ -9,7 +9,6 @@ from companion.bundle import Run, train_bundle
 from companion.bundle.adam import Single, StackedAdam
 from companion.bundle.bundle import Bundle
 from companion.bundle.device_data import DeviceData
-from companion.bundle.models import lstm
 from ownrobot.methods.fine_tuning import pretrained_from
 from sidm.config import ConfigError
 from sidm.learning import Datasets, TrainingError, train
@@ -80,21 +79,11 @@ def assert_same(bundled, single, rel=ROUNDING):
 @pytest.mark.parametrize(
     "changes",
     [
-        {},
-        ALONE,
         SHARED_L2,
         dict(stopping="released", smoothing=0.9),
-        dict(discriminator_draw="one"),
         RECIPE,
     ],
-    ids=[
-        "sidm",
-        "novice only",
-        "shared, l2",
-        "released stopping",
-        "discriminator of one system",
-        "the released recipe",
-    ],
+    ids=["shared, l2", "released stopping", "the released recipe"],
 )
 def test_a_bundle_of_one_is_the_trial(make_run, small_network, changes):
     run = make_run(**changes)
@@ -222,22 +211,6 @@ def test_shared_data_are_on_the_device_once(make_motion):
             data.windows.take(data.rows(motion)).maps,
             motion.take(range(len(motion))).maps,
         )
-
-
-def test_the_recurrence_is_an_lstm():
-    torch.manual_seed(0)
-    single = [
-        torch.nn.LSTM(5, 4, 3, batch_first=True, dtype=torch.double) for _ in range(2)
-    ]
-    stacked = {
-        name: torch.stack([model.state_dict()[name] for model in single])
-        for name in single[0].state_dict()
-    }
-    inputs = torch.randn(2, 3, 7, 5, dtype=torch.double)  # M, B, T, K
-    expected = torch.stack(
-        [one(batch)[0] for one, batch in zip(single, inputs, strict=True)]
-    )
-    assert torch.allclose(lstm(stacked, inputs), expected)
 
 
 @pytest.mark.parametrize("decoupled", [True, False])

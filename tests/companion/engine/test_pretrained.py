@@ -1,13 +1,10 @@
 """Pretrained weights are made once for all sizes; damaged ones are named."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 
 from companion import METHODS, PRESETS, Study, run, run_trial
 from companion.engine import pretrained
 from sidm.config import ConfigError, replace
-from sidm.learning.checkpoint import CheckpointError
 
 
 @pytest.fixture
@@ -30,19 +27,14 @@ def test_the_weights_are_made_once(trials, data):
     assert first == run_trial(trials[0], data).outcome != second
 
 
-@pytest.mark.parametrize("bundle", [0, 1])
-def test_damaged_weights_are_named(trials, data, tmp_path, bundle, capsys):
-    trial, kind = trials[0].replace(seed=7), "bundle" if bundle else "training"
-    where = pretrained.pretrained_folder(trial, data, kind)
+def test_damaged_weights_are_named(trials, data, tmp_path, capsys):
+    trial = trials[0].replace(seed=7)
+    where = pretrained.pretrained_folder(trial, data, "bundle")
     where.mkdir(parents=True)
     (where / "checkpoint.npz").write_bytes(b"no archive")
-    if bundle:
-        options = dict(data=data, results=tmp_path, progress=False, bundle=1)
-        assert run([trial], **options).missing([trial])
-        assert "the checkpoint is damaged" in capsys.readouterr().err
-    else:
-        with pytest.raises(CheckpointError, match="the checkpoint is damaged"):
-            run_trial(trial, data)
+    options = dict(data=data, results=tmp_path, progress=False, bundle=1)
+    assert run([trial], **options).missing([trial])
+    assert "the checkpoint is damaged" in capsys.readouterr().err
 
 
 def test_a_pretraining_has_the_expert_alone(trials):
@@ -78,15 +70,12 @@ def test_what_was_tuned_yields_to_what_is_asked_for(tiny):
     assert rates(tuned.replace(learning_rate=0.5)) == [0.5, 0.5, 0.5]
 
 
-@pytest.mark.parametrize("bundle", [0, 1])
-def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path, bundle):
+def test_a_pretraining_that_fails_is_kept(trials, data, tmp_path):
     """Its failure is stored with the iteration; trials of other weights go on."""
     diverging = replace(trials[0].pretraining, learning_rate=1e11)
     bad = trials[0].replace(seed=5, pretraining=diverging)
-    with ThreadPoolExecutor(1) as pool:
-        where = dict(bundle=1) if bundle else dict(executor=pool)
-        options = dict(data=data, results=tmp_path, progress=False, **where)
-        store = run([bad, trials[1]], **options)
+    options = dict(data=data, results=tmp_path, progress=False, bundle=1)
+    store = run([bad, trials[1]], **options)
     assert store.missing([bad, trials[1]]) == [bad]
     (failure,) = store.failures([bad])
     assert failure.loss in ("nan", "inf") and failure.iteration > 0

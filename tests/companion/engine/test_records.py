@@ -7,7 +7,7 @@ import pytest
 from companion import Study, grid
 from companion.engine.provenance import Provenance, record_provenance
 from companion.engine.records import ProvenanceTimer, Records, key_of
-from companion.numerics import RESULT_VERSIONS, versions
+from companion.numerics import versions
 from companion.registry import MEASUREMENTS, NAMES, STUDIES, find
 from sidm.config import ConfigError, config
 from sidm.storage import write_record
@@ -59,16 +59,6 @@ def test_figures_are_rounded_and_what_they_are_about_is_not(store):
     assert store.get(Question(minutes=0.333333)) is None
 
 
-def test_records_are_taken_in_from_another_folder(store, tmp_path):
-    other = Records(Answer, tmp_path / "other", "answers", "make answers")
-    mine, theirs = Question(minutes=3.0), Question(minutes=6.0)
-    store.put(answer(mine))
-    for question in (mine, theirs):
-        other.put(answer(question))
-    assert store.take_in(other) == 1 and store.take_in(other) == 0
-    assert store.get(theirs) == other.get(theirs)
-
-
 def test_one_failure_does_not_lose_the_others(store, capsys):
     """Each failure is a line, and still missing."""
     questions = [Question(minutes=minutes) for minutes in (3.0, -1.0, 200.0, 6.0)]
@@ -78,16 +68,6 @@ def test_one_failure_does_not_lose_the_others(store, capsys):
     assert "a number is not finite" in errors
     assert [record.value for record in store.stored(questions)] == [1.0, 2.0]
     assert store.missing(questions) == questions[1:3]
-
-
-def test_a_record_of_older_versions_is_made_again(store, monkeypatch):
-    """The old record counts as missing, and stays until the new one is there."""
-    question = Question(minutes=3.0)
-    store.put(answer(question))
-    monkeypatch.setitem(RESULT_VERSIONS, "training", RESULT_VERSIONS["training"] + 1)
-    assert store.missing([question]) == [question] and store.get(question)
-    answers(store, [question])
-    assert store.missing([question]) == []
 
 
 def test_a_record_says_what_it_depends_on():

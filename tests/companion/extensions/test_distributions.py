@@ -41,7 +41,7 @@ def test_draws_have_the_mean_and_spread_and_pass_gradients_on(generator):
     assert Gaussian(mean, std).sample(None) is mean
 
 
-def test_training_finds_how_noisy_the_data_are(small_network, make_motion, datasets):
+def test_training_finds_how_noisy_the_data_are(small_network, datasets):
     """Learnt deviations match noise of 0.3 and 0.03, and a second run is the same."""
     scale = torch.tensor([0.3, 0.03, *[0.1] * 11])
 

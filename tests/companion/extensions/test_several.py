@@ -8,7 +8,6 @@ import torch
 from companion.extensions.several import (
     SeveralTrainer,
     expert_as_novice,
-    fresh_novice,
     nearest_expert,
 )
 from sidm.config import ConfigError
@@ -63,7 +62,7 @@ def test_trajectories_to_stop_by_are_not_learnt_from(experts, small_network, alo
     assert trainer.run_test().test_loss == pytest.approx(sum(losses) / 3)
 
 
-def test_a_novice_goes_on_from_the_nearest_expert_or_with_fresh_parts(
+def test_a_novice_goes_on_from_the_nearest_expert(
     experts, small_network, alone, make_motion
 ):
     longer = dataclasses.replace(alone, max_samples=24 * 400)
@@ -77,12 +76,6 @@ def test_a_novice_goes_on_from_the_nearest_expert_or_with_fresh_parts(
     own.initialise_from(expert_as_novice(model, role))
     loss = mean_loss(model, novice, role)
     assert mean_loss(own.eval(), novice) == pytest.approx(loss)
-    fresh = fresh_novice(model, small_network, UNITS, 3)
-    plain = DynamicsModel(small_network, UNITS, 3, ["novice"])
-    assert fresh.keys() == plain.state_dict().keys()
-    for name, part in fresh.items():
-        source = model if name.startswith("sidm.") else plain
-        assert torch.equal(part, source.state_dict()[name])
 
 
 def test_there_is_no_novice_among_several_experts(

@@ -92,9 +92,7 @@ def test_the_encoders_feel_the_discriminators_gradient_reversed(make_trainer):
     assert float(trainer.reversal_loss(alone)) == 0.0
 
 
-def test_a_mirrored_motion_is_that_of_the_reflected_world(
-    make_trajectories, small_terrain
-):
+def test_a_mirrored_motion_is_that_of_the_reflected_world(make_trajectories):
     """Inputs, transitions and maps follow from geometry, without the table of signs."""
     (drive,) = make_trajectories(1)
     signs = torch.tensor([1, -1, 1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1.0]).double()

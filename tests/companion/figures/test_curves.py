@@ -39,7 +39,8 @@ def test_the_film_shows_every_step_in_real_time():
     """The film has 26 different pictures of 0.1 s; the last one is held."""
     paths = [np.linspace([0, 0], [2.5, end], 26) for end in (0.0, 0.5)]
     styles = [{"color": "black", "label": "the robot"}, {"color": "red", "label": "a"}]
-    moving = Image.open(io.BytesIO(film(paths, styles, np.zeros((300, 300)))))
+    heights, goal = np.zeros((300, 300)), np.ones(2)
+    moving = Image.open(io.BytesIO(film(paths, styles, heights, goal)))
     times, frames = [], set()
     for number in range(moving.n_frames):
         moving.seek(number)

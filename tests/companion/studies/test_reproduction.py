@@ -4,32 +4,27 @@ import dataclasses
 
 import pytest
 
-from companion import Results, Study
+from companion import Results
 from companion.__main__ import main
 from companion.engine.known_motion import Known, note
 from companion.statistics.pairs import paired_comparison
 from companion.studies.reproduction import store_of, with_repeats
 
 
-@pytest.fixture
-def study():
-    return Study("laptop")
-
-
 def test_the_command_line_holds_results_against_others_and_says_what_has_none(
-    study, make_row, tmp_path, capsys
+    laptop, make_row, tmp_path, capsys
 ):
     mine, theirs = (Results(tmp_path / name) for name in ("mine", "theirs"))
-    points = study.points("system1", ["sidm"], [5.0])
+    points = laptop.points("system1", ["sidm"], [5.0])
     for trial in points:
         theirs.put(make_row(trial, 2.0))
         mine.put(make_row(trial, 3.0))
-    smaller = study.changed(pixels=8).points("system1", ["sidm"], [5.0])
+    smaller = laptop.changed(pixels=8).points("system1", ["sidm"], [5.0])
     for trial in smaller:  # another grid in both
         theirs.put(make_row(trial, 2.0))
         mine.put(make_row(trial, 2.0))
-    others = study.changed(pixels=16).points("system1", ["sidm"], [5.0])
-    for trial in (*others, study.points("system1", ["sidm"], [20.0])[0]):
+    others = laptop.changed(pixels=16).points("system1", ["sidm"], [5.0])
+    for trial in (*others, laptop.points("system1", ["sidm"], [20.0])[0]):
         mine.put(make_row(trial, 3.0))
     folders = ["--results", str(mine.folder), "--against", str(theirs.folder)]
     assert main(["show", *folders]) == 0
@@ -41,15 +36,15 @@ def test_the_command_line_holds_results_against_others_and_says_what_has_none(
     assert lines[1].startswith("3 trials here alone: pixels 16 (there ")
 
 
-def test_a_comparison_is_on_the_same_motion_where_it_can_be(study, make_row, tmp_path):
+def test_a_comparison_is_on_the_same_motion_where_it_can_be(laptop, make_row, tmp_path):
     """The loss doubles; on motion that was simulated again all losses are 10 % lower.
 
     The trials of another size have no repeat and are compared across motions.
     """
     folder, store = tmp_path, Results(tmp_path)
     note([Known(name="novice", digest="first", same=("rounded",))], folder)
-    stored = study.points("system1", ["sidm"], [5.0, 20.0])
-    changed = study.changed(pixels=16).points("system1", ["sidm"], [5.0, 20.0])
+    stored = laptop.points("system1", ["sidm"], [5.0, 20.0])
+    changed = laptop.changed(pixels=16).points("system1", ["sidm"], [5.0, 20.0])
     for trial in stored:
         store.put(make_row(trial, 1.0 + trial.seed))
         if trial.novice_minutes == 5:

@@ -24,9 +24,9 @@ from companion.studies.tuning import (
     frame,
     little_data,
     little_data_results,
-    preset_of_try,
     settings,
     table,
+    untuned,
 )
 from companion.studies.tuning import trials as trials_of
 from ownrobot.methods import boosting
@@ -71,7 +71,7 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
     losses = [row.outcome.best_test_loss for row in STORED.stored(trials)]
     assert len(losses) == len(TRIES[method])
     chosen = list(TRIES[method])[losses.index(min(losses))]
-    one, tried = METHODS[method], preset_of_try(preset, method, chosen)
+    one, tried = METHODS[method], untuned(preset, TRIES[method][chosen])
     assert preset.training_of(one, "system1") == tried.training_of(one, "system1")
     assert not one.pretrained or preset.pretraining_of(one) == tried.pretraining_of(one)
 

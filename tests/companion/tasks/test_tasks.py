@@ -191,13 +191,13 @@ def test_of_a_file_the_newest_version_counts(file, tmp_path):
         copy.write_text(file.read_text() + text)
         assert (find_method(f"{copy}:Still") == here) == same
     store = records(tmp_path)
-    for day, code in ((3, "newest"), (1, "older"), (2, here.code)):
-        row = made(here.name, TASK, 0, 1.0, code=code)
+    for day, code in ((3, "newest"), (1, "older"), (2, here[1])):
+        row = made(here[0], TASK, 0, 1.0, code=code)
         date = f"2026-01-0{day}T00:00:00"
         store.put(replace(row, provenance=replace(row.provenance, date=date)))
     store.put(made("mean", TASK, 0, 1.0))
     assert {row.about.code for row in newest(tmp_path)} == {"", "newest"}
-    assert {row.about.code for row in newest(tmp_path, [name])} == {"", here.code}
+    assert {row.about.code for row in newest(tmp_path, [name])} == {"", here[1]}
 
 
 @pytest.mark.parametrize(

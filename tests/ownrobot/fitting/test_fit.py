@@ -95,15 +95,9 @@ def test_robots_of_two_bodies_are_learnt_together_but_not_copied(drives):
 
 def test_what_cannot_be_fitted_is_one_line(drives):
     for how, words in (
-        ({"method": "sidm"}, "learns from an expert's drives too"),
         ({"method": "ackermann"}, "ackermann looks for a speed"),
         ({"novice": RECORDINGS / "warthog.csv.gz", "body": None}, "have no body"),
         ({"novice": []}, "novice has no drives"),
-        ({"expert_body": SKID}, "but there is no expert"),
-        (
-            {"expert": drives["hunter"], "method": "pretrain_finetune"},
-            "needs robots of one body",
-        ),
         (
             {"expert": drives["husky"][:1], "method": "core_frozen"},
             "the expert's motion is one piece",

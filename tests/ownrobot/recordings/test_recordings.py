@@ -11,7 +11,6 @@ from sidm.body import DRIVE, ROVER, SI, TWIST, Body
 from sidm.drives import Drive, Ground
 from sidm.terrain import height_at
 
-ROOT = Path(__file__).parents[3]
 COLUMNS = dict((*ROVER.state, *ROVER.actions))
 NAMES, PLAIN = list(COLUMNS), [SI[unit] for unit in COLUMNS.values()]
 TIMED = {"columns": [*NAMES, "time"], "units": [*PLAIN, "s"]}

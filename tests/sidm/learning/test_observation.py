@@ -51,18 +51,6 @@ def test_transitions_are_scipys():
     assert np.allclose(y[:, 3:7], (first.inv() * second).as_quat(canonical=True))
 
 
-def test_integrating_a_transition_gives_the_next_state():
-    """The length of a predicted quaternion does not matter."""
-    before, after = random_states(50, 1, 10.0), random_states(50, 2, 10.0)
-    step = transition(before, after)
-    step[:, 3:7] *= 0.3
-    end = integrate(before, step)
-    assert torch.allclose(end[:, :3], after[:, :3], atol=1e-8)
-    turns = (rotations.canonical(states[:, 3:7]) for states in (end, after))
-    assert torch.allclose(*turns, atol=1e-9)
-    assert torch.equal(end[:, 7:], after[:, 7:])
-
-
 def test_maps_are_the_surface_that_the_wheels_touch(small_terrain):
     heights = np.stack([generate_terrain(small_terrain, seed) for seed in range(3)])
     states = random_states(6, 5, spread=1.5).reshape(3, 2, 13)

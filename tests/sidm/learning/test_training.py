@@ -177,10 +177,15 @@ def test_data_that_no_training_can_have_are_refused(run, datasets, make_motion):
 
 def test_a_checkpoint_of_another_run_is_refused(run, datasets, tmp_path):
     how = {"checkpoint": tmp_path}
+    start = run().model.state_dict()
     run(how=how)
-    for changes in ({"seed": 1}, {"learning_rate": 2e-3}):
+    for changes in (
+        {"seed": 1},
+        {"learning_rate": 2e-3},
+        {"how": how | {"start": start}},
+    ):
         with pytest.raises(CheckpointError, match="of another run; delete it") as error:
-            run(how=how, **changes)
+            run(**{"how": how} | changes)
         assert "\n" not in str(error.value)
     for numbers in (
         datasets.validation.targets,

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from companion.extensions.residual import Corrected, correction_units, residual_datasets
 from ownrobot.methods.fine_tuning import (
     Pretrained,
     pretrained_from,
@@ -10,9 +11,8 @@ from ownrobot.methods.fine_tuning import (
     read,
     write,
 )
-from ownrobot.methods.residual import Corrected, correction_units, residual_datasets
 from sidm.config import ConfigError
-from sidm.learning import CheckpointError, DynamicsModel, Training, train
+from sidm.learning import DynamicsModel, Training, train
 from sidm.learning.evaluation import mean_loss
 from sidm.learning.trainer import Trainer
 from sidm.learning.training import Trained
@@ -64,7 +64,7 @@ def test_a_novice_goes_on_from_the_experts_weights(datasets, small_network, star
     assert trainer.run_test().test_loss < fresh.run_test().test_loss
 
 
-def test_kept_weights_come_back_and_damage_is_named(start, tmp_path):
+def test_kept_weights_come_back(start, tmp_path):
     (tmp_path / "state").mkdir()
     write(tmp_path, start)
     stored = read(tmp_path)
@@ -72,9 +72,6 @@ def test_kept_weights_come_back_and_damage_is_named(start, tmp_path):
     assert stored.weights.keys() == start.weights.keys()
     assert all(torch.equal(stored.weights[n], t) for n, t in start.weights.items())
     assert not (tmp_path / "state").exists() and read(tmp_path / "none") is None
-    (tmp_path / "checkpoint.npz").write_bytes(b"damaged")
-    with pytest.raises(CheckpointError, match="checkpoint.npz"):
-        read(tmp_path)
 
 
 def test_the_loss_of_a_correction_is_that_of_the_sum(datasets, base, small_network):
@@ -102,10 +99,3 @@ def test_both_memories_are_carried_along(datasets, base, small_network):
         predicted, memory = both("novice", inputs[:, now], maps[:, now], memory)
         steps.append(predicted)
     assert torch.allclose(torch.cat(steps, 1), whole, atol=1e-5)
-
-
-def test_a_checkpoint_is_of_one_start(datasets, small_network, start, tmp_path):
-    how = {"seed": 0, "checkpoint": tmp_path}
-    train(datasets, small_network, ALONE, start=start.weights, **how)
-    with pytest.raises(CheckpointError, match="of another run"):
-        train(datasets, small_network, ALONE, **how)
