@@ -346,7 +346,7 @@ def joint_training(book: Book) -> bool:
 
 @claim(
     "notebooks/05-p-expert-and-phases.ipynb",
-    "We see no gain from $p_e$ on system 1, and matching on system 2 has too few seeds",
+    "On system 2 there are too few seeds to tell.",
 )
 def balance(book: Book) -> bool:
     """p_e of 0.9 on system 2 and 100 iterations on system 1, not the other way."""
