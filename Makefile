@@ -27,7 +27,7 @@ help:
 	@echo 'make golden                                      new golden figures, of kinds whose version was raised'
 	@echo 'make planted                                     plant changes of the numbers: does a golden test see each?'
 	@echo 'make crash                                       kill collecting and training at 20 random moments each'
-	@echo 'make portable [LEGS=sse]                         the numerical tests, as other processors round'
+	@echo 'make portable [LEGS=sse]                         numerical tests and notebooks, as other processors round'
 	@echo 'make setup, make clean                           the environment in .venv alone; remove _build'
 
 setup: $(STAMP)
@@ -79,7 +79,7 @@ test: $(STAMP)
 	$(PYTEST) -m "not more" --nbval-lax --nbval-current-env --nbval-kernel-startup-timeout=600 notebooks tests
 
 # The rest: every page in the browser, the app, notebooks with params/smoke.yaml, crashes, a cluster, the wheel, planted
-# changes, more examples from Hypothesis; and the core of the tests as the smallest x86 processors round.
+# changes, more examples from Hypothesis; and the core of the tests, with the notebooks, as the smallest x86 processors round.
 test-more: $(STAMP)
 	$(PYTEST) -m "more or hypothesis" --hypothesis-profile=more tests
 	$(BIN)/python -m tests.portable sse --core --jobs $(JOBS)

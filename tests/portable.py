@@ -1,4 +1,4 @@
-"""Run the numerical tests with the rounding of other processors.
+"""Run the numerical tests and the notebooks with the rounding of other processors.
 
 `make portable` runs this script. Libraries choose their kernels by the instructions of
 the processor, and with the kernels the order of sums, fused products and the
@@ -29,6 +29,9 @@ CORE = [
     "companion/bundle",
     "companion/extensions",
 ]
+#: what makes pytest run the notebooks, and compare the outputs that they mark
+NOTEBOOKS = ["--nbval-lax", "--nbval-current-env", "notebooks"]
+NOTEBOOKS += ["--nbval-kernel-startup-timeout=600"]
 #: levels of x86 processors, as PyTorch calls them; the lowest has SSE
 LEVELS = ["DEFAULT", "AVX2", "AVX512"]
 #: Leg -> the level that it leaves, and variables that libraries read when they are
@@ -78,12 +81,12 @@ def environment(settings: dict[str, str]) -> dict[str, str]:
 
 
 def passes(leg: str, paths: list[str], jobs: str) -> bool:
-    """Whether the tests of some paths pass on a leg."""
+    """Whether the tests of some paths, and the notebooks, pass on a leg."""
     variables = environment(LEGS[leg][1])
     pytest = [sys.executable, "-m", "pytest", "-n", jobs, "--dist", "loadfile"]
     pytest += ["--threads", variables["OMP_NUM_THREADS"]]
     paths = [f"tests/{path}" for path in paths]
-    return not subprocess.call([*pytest, *paths], cwd=ROOT, env=variables)
+    return not subprocess.call([*pytest, *paths, *NOTEBOOKS], cwd=ROOT, env=variables)
 
 
 def main() -> int:
