@@ -34,6 +34,7 @@ class Figure(NamedTuple):
 
     function: str  # of a study and a pair; its name inside the package
     pairs: tuple[str, ...] = tuple(SYSTEMS)
+    opt_in: bool = False  # of the figure 'all' only in presets whose `figures` name it
 
     def trials(self, study: Study, pair: str) -> list[Trial]:
         """The trials of one pair of robots."""
@@ -43,7 +44,7 @@ class Figure(NamedTuple):
 class RecordStudy(NamedTuple):
     """A study whose results are records."""
 
-    name: str  # of its folder in `studies`
+    name: str  # that of its folder in `studies`, with hyphens
     pairs: tuple[str, ...] = tuple(SYSTEMS)  # pairs of robots that it is about
 
     @property
@@ -53,13 +54,14 @@ class RecordStudy(NamedTuple):
         It has `motion` where a job needs other motion than that of its trial, and
         `robots` where not all robots are those of known systems.
         """
-        return importlib.import_module(f"companion.studies.{self.name}.measure")
+        folder = self.name.replace("-", "_")
+        return importlib.import_module(f"companion.studies.{folder}.measure")
 
     def jobs(self, study: Study, pair: str | None) -> dict[str, list[Any]]:
         """The jobs by pair of robots; of all pairs for None."""
         if pair is not None and pair not in self.pairs:
-            name, pairs = self.name.replace("_", "-"), ", ".join(self.pairs)
-            raise ConfigError(f"study '{name}' is about {pairs}, not {pair}")
+            pairs = ", ".join(self.pairs)
+            raise ConfigError(f"study '{self.name}' is about {pairs}, not {pair}")
         asked = self.pairs if pair is None else (pair,)
         return {one: list(self.module.jobs(study, one)) for one in asked}
 
@@ -139,14 +141,14 @@ class Measurement(NamedTuple):
 #: The grids by name.
 FIGURES = {
     "decisive": Figure(
-        "studies.decisive.design.trials", (*PAPER_SYSTEMS, *FREE_SYSTEMS)
+        "studies.decisive.design.trials", (*PAPER_SYSTEMS, *FREE_SYSTEMS), True
     ),
-    "duration": Figure("studies.duration.trials", ("system1",)),
+    "duration": Figure("studies.duration.trials", ("system1",), True),
     "3": Figure("study.Study.figure3"),
     "references": Figure("study.Study.references"),
     "4": Figure("study.Study.figure4", ("system1",)),
     "tuning": Figure("studies.tuning.trials"),
-    "little-data": Figure("studies.tuning.little_data"),
+    "little-data": Figure("studies.tuning.little_data", opt_in=True),
     "choices": Figure("studies.choices.trials"),
     "released": Figure("studies.choices.released"),
     "baselines": Figure("studies.baselines.trials"),
@@ -156,34 +158,26 @@ FIGURES = {
     "pixels": Figure("studies.ablations.pixels"),
     "patience": Figure("studies.ablations.patience"),
     "other-bodies": Figure("studies.other_bodies.trials", ("system1",)),
-    "free-struts": Figure("study.Study.free_struts", tuple(FREE_SYSTEMS)),
-    "network-size": Figure("studies.network_size.trials", ("system1",)),
+    "free-struts": Figure("study.Study.free_struts", tuple(FREE_SYSTEMS), True),
+    "network-size": Figure("studies.network_size.trials", ("system1",), True),
     "corrected-claim": Figure(
-        "studies.corrected_claim.trials", (*FREE_SYSTEMS, *FAMILY_PAIRS)
+        "studies.corrected_claim.trials", (*FREE_SYSTEMS, *FAMILY_PAIRS), True
     ),
     "most-data": Figure("studies.ablations.most_data_trials"),
 }
 
-#: Grids that are of the figure 'all' only in presets whose `figures` name them.
-OPT_IN = (
-    "decisive",
-    "duration",
-    "little-data",
-    "free-struts",
-    "network-size",
-    "corrected-claim",
-)
-
+_REAL_PAIRS = "husky to warthog", "warthog to husky", "hunter to warthog"
 STUDIES = {
-    "latent-space": RecordStudy("latent_space"),
-    "adversary": RecordStudy("adversary"),
-    "recorded-targets": RecordStudy("recorded_targets"),
-    "driving": RecordStudy("driving"),
-    "uncertainty": RecordStudy("uncertainty"),
-    "several-experts": RecordStudy("several_experts"),
-    "real-robots": RecordStudy(
-        "real_robots", ("husky to warthog", "warthog to husky", "hunter to warthog")
-    ),
+    study.name: study
+    for study in (
+        RecordStudy("latent-space"),
+        RecordStudy("adversary"),
+        RecordStudy("recorded-targets"),
+        RecordStudy("driving"),
+        RecordStudy("uncertainty"),
+        RecordStudy("several-experts"),
+        RecordStudy("real-robots", _REAL_PAIRS),
+    )
 }
 
 MEASUREMENTS = {
@@ -254,7 +248,8 @@ def grid(
     study = Study(preset)
     names: Sequence[str] = (figure,)
     if figure == "all":
-        names = study.preset.figures or [one for one in FIGURES if one not in OPT_IN]
+        usual = [name for name, one in FIGURES.items() if not one.opt_in]
+        names = study.preset.figures or usual
     found = [one for one in map(find_figure, names) if one is not None]
     by_key: dict[str, Trial] = {}
     for one in found:
@@ -310,7 +305,6 @@ def run_jobs(
     from companion.engine.datasets import collect_motion
     from companion.trials import Trial, motion_of
 
-    name = name.replace("_", "-")
     module = STUDIES[name].module
     store = module.records(results)
     missing = store.missing(dict.fromkeys(jobs))

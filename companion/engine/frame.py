@@ -46,12 +46,9 @@ _FLAGS = [
 ]
 
 
-def frame_of(
-    rows: Iterable[Row], results: str | Path = "results", curves: bool = True
-) -> pd.DataFrame:
+def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     """Rows as a table, see `table_of`."""
-    values = ((row.trial.key, to_mapping(row)) for row in rows)
-    return table_of(values, results, curves)
+    return table_of((row.trial.key, to_mapping(row)) for row in rows)
 
 
 def table_of(

@@ -91,8 +91,9 @@ def rollout_scene(rows: Sequence[Any], number: int) -> Scene:
     return Scene((truth, *ghosts), ground, 2.0, title)
 
 
-def warthog_scene(recordings: Path = Path("recordings")) -> Scene:
+def warthog_scene() -> Scene:
     """A drive of the real Warthog, and the path that a model predicts for it."""
+    recordings = Path("recordings")
     drives = ownrobot.read_drives(
         recordings / "warthog.csv.gz", recordings / "skid_steer.yaml"
     )

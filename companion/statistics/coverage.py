@@ -176,17 +176,6 @@ def make(study: Any, workers: int, data: Path, results: Path) -> dict[str, Any]:
     return by_kind | {"estimators": rows}
 
 
-def table(file: Path = FILE) -> pd.DataFrame:
-    """Stored coverage of the kinds of interval, a row per kind and number of seeds.
-
-    `share` is the share of 95 % intervals that hold the true ratio, `width` their
-    median width.
-    """
-    stored = read_record(file)
-    rows = [(name, int(n), *v) for name in METHODS for n, v in stored[name].items()]
-    return pd.DataFrame(rows, columns=["interval", "seeds", "share", "width"])
-
-
 def estimators(file: Path = FILE) -> pd.DataFrame:
     """Stored coverage of the estimators, a row per estimator, data ratio and seeds.
 
@@ -199,13 +188,19 @@ def estimators(file: Path = FILE) -> pd.DataFrame:
 
 
 def page_table() -> pd.DataFrame:
-    """The shares of `table` with the headings of a page, a row per number of seeds."""
+    """The coverage of the kinds of interval, a row per number of seeds."""
     names = {
         "leave_one_out": "Student's, one seed left out",
         "percentile": "percentiles of resampled seeds",
     }
-    shares = table().pivot(index="seeds", columns="interval", values="share")
-    return shares.map("{:.0%}".format).rename(columns=names).reset_index()
+    stored = read_record(FILE)
+    shares = pd.DataFrame(
+        {
+            words: {int(n): f"{share:.0%}" for n, (share, _) in stored[name].items()}
+            for name, words in names.items()
+        }
+    )
+    return shares.rename_axis("seeds").reset_index()
 
 
 def estimators_page_table() -> pd.DataFrame:

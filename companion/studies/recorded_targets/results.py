@@ -217,10 +217,13 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
     return claim_rows(sidm, names, "planned (section 6)")
 
 
-def sidm_ratios(table: pd.DataFrame, proxy: Proxy = "expert") -> dict[str, str]:
-    """System -> the loss with an SIDM by that without it, over all sizes, as text."""
+def sidm_ratios(table: pd.DataFrame) -> dict[str, str]:
+    """System -> the loss with an SIDM by that without it, over all sizes, as text.
+
+    The SIDM has the simulated expert.
+    """
     rows = _sidm_beside_without(table)
-    rows = rows[rows.proxy == proxy]
+    rows = rows[rows.proxy == "expert"]
     texts = pairs.interval_texts(rows[["ratio", "low", "high"]], 2)
     return dict(zip(rows.system, texts, strict=True))
 
