@@ -143,14 +143,15 @@ def stored():
 
 @pytest.mark.more
 def test_a_stored_ride_is_what_is_simulated(stored):
-    """The first second agrees; later, different rounding may have grown."""
+    """Half a second agrees, and most of a second; then different rounding has grown."""
     at = (1, 2, 1, 1)
     robot = grid.BODY.replace(
         **{knob.name: knob.values[i] for knob, i in zip(grid.SET_UP, at, strict=True)}
     )
     repeated, kept = grid.simulate((robot, True)), stored[0][at][0]
     assert repeated.shape == kept.shape
-    assert np.abs(repeated[:, :, :21].astype(int) - kept[:, :, :21]).max() <= 20
+    apart = np.abs(repeated.astype(int) - kept)
+    assert apart[:, :, :11].max() <= 10 and np.quantile(apart[:, :, :21], 0.99) <= 12
     # on level ground, only the weaving ride steers
     assert kept[0, ..., -1].any(-1).tolist() == [False, False, False, True]
 
