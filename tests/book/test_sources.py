@@ -87,7 +87,7 @@ def test_a_command_could_be_run(command, monkeypatch):
     monkeypatch.chdir(ROOT)
     program, words = command.split()[0], words_of(command)
     if {"cuda", "half_frozen"} & set(words):
-        known = "preset figure device bundle methods system".split()
+        known = "preset figure device bundle methods system results".split()
         assert set(words[1::2]) <= {f"--{name}" for name in known}
         return
     if words[-1] == "--help":

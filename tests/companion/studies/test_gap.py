@@ -10,7 +10,7 @@ from companion.studies import nearest_neighbours, simulated_gap, when_it_pays
 from companion.studies.several_experts import results as family_results
 from companion.studies.when_it_pays import PlanarMotion
 from sidm.storage import write_record
-from sidm.systems import FREE_SYSTEMS, SYSTEMS
+from sidm.systems import FREE_SYSTEMS, PAPER_SYSTEMS
 from tests.companion.conftest import RESULTS
 
 
@@ -45,7 +45,7 @@ def test_stored_robots_drive_sensibly(tmp_path):
     table = simulated_gap.table(RESULTS)
     up = table[table.component == "up"]
     assert (up[["gap", "spread"]] < 0.2).all(axis=None)
-    assert set(up.system) == {*SYSTEMS, *FREE_SYSTEMS}
+    assert set(up.system) == {*PAPER_SYSTEMS, *FREE_SYSTEMS}
     assert simulated_gap.figure(simulated_gap.table(tmp_path)).axes[0].texts
 
 

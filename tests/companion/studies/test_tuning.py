@@ -32,7 +32,7 @@ from companion.studies.tuning import trials as trials_of
 from ownrobot.methods import boosting
 from ownrobot.methods.boosting import Growth
 from sidm.storage import read_record, write_record
-from sidm.systems import SYSTEMS
+from sidm.systems import PAPER_SYSTEMS
 from tests.companion.conftest import RESULTS
 
 STORED = Results(RESULTS)
@@ -76,7 +76,7 @@ def test_the_laptop_is_tuned_to_its_best_tries(method):
     assert not one.pretrained or preset.pretraining_of(one) == tried.pretraining_of(one)
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("system", PAPER_SYSTEMS)
 @pytest.mark.parametrize("method", LITTLE_TRIES)
 def test_with_little_data_the_best_tries_at_five_minutes_are_taken(method, system):
     """A system's lowest test loss wins, unless Figure 3's setting is about as good."""
@@ -106,11 +106,11 @@ def test_savings_are_beside_the_best_of_training_alone(make_row, tmp_path):
         loss = (worth * trial.novice_minutes) ** -0.5
         return make_row(trial, (1 + 0.01 * trial.seed) * loss)
 
-    figure3 = frame_of(row(t) for s in SYSTEMS for t in study.figure3(s))
+    figure3 = frame_of(row(t) for s in PAPER_SYSTEMS for t in study.figure3(s))
     worth = {"sidm": 8.0, "novice_only": 2.0}
-    for trial in (t for s in SYSTEMS for t in little_data(study, s)):
+    for trial in (t for s in PAPER_SYSTEMS for t in little_data(study, s)):
         store.put(row(trial, worth[trial.method]))
-    little = little_data_results(study, store, SYSTEMS)
+    little = little_data_results(study, store, PAPER_SYSTEMS)
     both = pd.concat([little, best_novice_only(figure3, little)])
     rows = savings(both, ["sidm" + FOR_LITTLE])
     assert rows.drop_duplicates("system").ratio.tolist() == pytest.approx([8, 4])
